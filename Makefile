@@ -1,0 +1,36 @@
+# Nothing but Python (3.11 or 3.12) and make is needed; everything else goes into .venv.
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := demo
+
+.PHONY: setup demo test check format clean
+
+setup: $(VENV)/.ok  ## Create .venv with the versions tested together.
+
+$(VENV)/.ok: pyproject.toml constraints.txt
+	@$(PYTHON) -c "import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))" || \
+		{ echo "lfobench needs Python 3.11 or 3.12: make PYTHON=/path/to/python3.11"; exit 2; }
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	touch $@
+
+demo: setup  ## Five methods, three seeds, a real simulator: the table in a few minutes.
+	$(BIN)/lfobench run --methods dilo,smodice,oril,bco,bc --suite locomotion --tasks hopper-random-expert \
+		--protocol demo --seeds 0-2 --out $(DEMO)
+	$(BIN)/lfobench table --out $(DEMO)
+
+test: check  ## Lint, types and tests.
+	$(BIN)/python -m pytest -n 2
+
+check: setup  ## Lint and types.
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: setup
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) $(DEMO)
