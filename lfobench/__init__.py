@@ -1,0 +1,14 @@
+"""lfobench: a benchmark of offline learning from observation.
+
+The rooms of the house, in the order in which data flows:
+``cli`` -> ``plan`` -> ``data`` -> ``engine`` -> ``executors`` -> ``store`` -> ``stats`` -> ``render``.
+``contract`` holds what methods and suites agree on with the harness.
+"""
+
+import os
+
+__version__ = "0.1.0"
+
+# MKL's products may otherwise round differently with the memory alignment of their operands, and then a seed
+# trained beside others would not repeat the same seed trained alone. Read when the library loads, hence here.
+os.environ.setdefault("MKL_CBWR", "AUTO,STRICT")

@@ -1,0 +1,150 @@
+"""The record of one run: the unit of truth that every table is a view of.
+
+A record is one JSON file. `identity` and everything measured are a function of the inputs; what may differ
+between two honest runs of the same identity (time, machine, library builds) is kept apart in `provenance`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+
+SCHEMA = 1
+
+REQUIRED_IDENTITY = (
+    "method",
+    "method_version",
+    "preset",
+    "config",
+    "task",
+    "environment",
+    "recipe",
+    "source",
+    "protocol",
+    "simulator",
+    "seed",
+)
+
+Status = Literal["finished", "diverged"]
+Statistic = Literal["last5", "last", "best"]
+
+
+def canonical_json(value: Any) -> str:
+    """The one spelling of a JSON value that hashes are taken of."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def content_hash(value: Any) -> str:
+    """SHA-256 (hex) of the canonical JSON of `value`."""
+    return hashlib.sha256(canonical_json(value).encode()).hexdigest()
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="null")
+
+
+class Evaluation(_Model):
+    """Episodes run at one training step; episode k starts from the same state in every record of a task."""
+
+    step: int = Field(description="Gradient steps taken before this evaluation.")
+    returns: list[FiniteFloat] = Field(
+        min_length=1, description="Undiscounted raw return of every episode, in episode order."
+    )
+    lengths: list[int] = Field(min_length=1, description="Steps of every episode.")
+
+
+class Metrics(_Model):
+    """Training metrics, each averaged over the steps since the previous row."""
+
+    stage: str = Field(description="The method's training stage.")
+    step: int = Field(description="Updates of that stage done.")
+    values: dict[str, float | None] = Field(description="Metric name to mean; null where not finite.")
+
+
+class Labels(_Model):
+    """What a table needs to place the record; descriptive, never part of the identity."""
+
+    suite: str
+    group: str = Field(description="Block of rows, e.g. random+expert.")
+    row: str = Field(description="Row inside the block, e.g. hopper.")
+    sees_expert_actions: bool = Field(description="Whether the method was given expert actions.")
+
+
+class Warning(_Model):
+    """Something a reader of the number should know, and what to do about it."""
+
+    what: str
+    remedy: str
+
+
+class Record(_Model):
+    """One run. See the module docstring."""
+
+    schema_version: int = SCHEMA
+    identity_hash: str
+    identity: dict[str, Any] = Field(description="Every field that decides the result; see plan/cells.py.")
+    labels: Labels
+    status: Status
+    diverged_at: int | None = Field(description="Step at which a non-finite value was seen, if any.")
+    evaluations: list[Evaluation]
+    metrics: list[Metrics]
+    warnings: list[Warning]
+    provenance: dict[str, Any] = Field(description="Versions, device, wall time, data fingerprint, revision.")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Record:
+        absent = [name for name in REQUIRED_IDENTITY if name not in self.identity]
+        if absent:
+            raise ValueError(f"its identity lacks {', '.join(absent)}")
+        if self.status == "finished" and not self.evaluations:
+            raise ValueError("it is finished without an evaluation")
+        return self
+
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+        return str(self.identity["method"])
+
+    @property
+    def task(self) -> str:
+        """Name of the task."""
+        return str(self.identity["task"])
+
+    @property
+    def seed(self) -> int:
+        """The run's seed."""
+        return int(self.identity["seed"])
+
+    def normalized_score(self, episode_return: float) -> float:
+        """Score of one return under this record's own reference returns."""
+        environment = self.identity["environment"]
+        low, high = environment["random_return"], environment["expert_return"]
+        return float(100.0 * (episode_return - low) / (high - low))
+
+    def curve(self) -> list[tuple[int, float]]:
+        """Mean normalised score of every evaluation, as (step, score)."""
+        return [
+            (evaluation.step, self.normalized_score(sum(evaluation.returns) / len(evaluation.returns)))
+            for evaluation in self.evaluations
+        ]
+
+    def score(self, statistic: Statistic = "last5") -> float:
+        """The run's score: mean of the last five evaluations (headline), the last one, or the best.
+
+        A diverged seed scores 0, the level of random actions, under every statistic: it is shown and
+        counted, never dropped.
+        """
+        if self.status == "diverged":
+            return 0.0
+        scores = [score for _, score in self.curve()]
+        if statistic == "best":
+            return max(scores)
+        tail = scores[-5:] if statistic == "last5" else scores[-1:]
+        return sum(tail) / len(tail)
+
+    def measured(self) -> dict[str, Any]:
+        """Everything but `provenance`: equal, bit for bit, for two runs of one identity on a CPU."""
+        return self.model_dump(mode="json", exclude={"provenance"})

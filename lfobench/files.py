@@ -1,0 +1,81 @@
+"""Writing files so that a reader never sees half of one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from safetensors import SafetensorError
+
+from lfobench.errors import UserError
+
+TEMPORARY_SUFFIX = ".lfobench-partial"
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that takes its name, durably, if the block succeeds.
+
+    Raises:
+        UserError: when the disk refuses (full, read-only, no permission).
+    """
+    temporary = path.with_name(f"{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        with temporary.open("rb") as written:
+            os.fsync(written.fileno())
+        temporary.replace(path)
+    except (OSError, SafetensorError) as error:
+        raise UserError(
+            f"Cannot write {path}: {getattr(error, 'strerror', None) or error}.", "Free space or choose another folder."
+        ) from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write `text` to `path`, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Delete temporary files below `folder` whose writing process no longer lives."""
+    for leftover in folder.rglob(f"*{TEMPORARY_SUFFIX}"):
+        writer = leftover.name.removesuffix(TEMPORARY_SUFFIX).rpartition(".")[2]
+        if writer.isdigit() and not _alive(int(writer)):
+            leftover.unlink(missing_ok=True)
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def writable_folder(path: Path, option: str) -> Path:
+    """Make sure that `path` is a folder that files can be made in.
+
+    Raises:
+        UserError: naming the folder, the cause and the option that chooses another.
+    """
+    probe = path / f".lfobench-{os.getpid()}{TEMPORARY_SUFFIX}"
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+    except OSError as error:
+        raise UserError(
+            f"Cannot write into {path}: {error.strerror}.", f"Choose another folder with {option}."
+        ) from error
+    finally:
+        with suppress(OSError):
+            probe.unlink()
+    return path
