@@ -1,0 +1,163 @@
+"""Cells and runs, and the one identity that decides whether a run is already done (decision 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+from pydantic import ValidationError
+
+from lfobench.contract.method import Method, MethodConfig, PresetName
+from lfobench.contract.record import SCHEMA, Labels, content_hash
+from lfobench.contract.suite import Recipe, Task
+from lfobench.errors import UserError, unknown_name
+from lfobench.plan.protocol import Protocol
+
+
+@dataclass(frozen=True)
+class Cell:
+    """method x preset x task x source x protocol.
+
+    Attributes:
+        method: the class.
+        preset: name of the preset.
+        config: what the preset, the protocol's budget and ``--set`` make of the method's defaults.
+        budget: fields that the protocol changed.
+        assigned: fields that the user changed with ``--set``.
+        suite: name or path of the suite, for finding it again in another process.
+        task: with the suite's own recipe.
+        protocol: the training and evaluation budget.
+        source: where the data comes from.
+        data: what identifies the data parts before they are read (level to part id).
+        simulator: versions that decide the dynamics.
+    """
+
+    method: type[Method]
+    preset: PresetName
+    config: MethodConfig
+    budget: Mapping[str, Any]
+    assigned: Mapping[str, Any]
+    suite: str
+    task: Task
+    protocol: Protocol
+    source: str
+    data: Mapping[str, str]
+    simulator: Mapping[str, str]
+
+    @property
+    def recipe(self) -> Recipe:
+        """The recipe under the protocol's caps."""
+        return self.protocol.recipe_for(self.task)
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """Every field that decides the numbers, except the seed. Written down here and nowhere else."""
+        environment = self.task.environment
+        return {
+            "schema": SCHEMA,
+            "method": self.method.name,
+            "method_version": self.method.version,
+            "preset": self.preset,
+            "config": self.config.model_dump(mode="json"),
+            "overrides": dict(self.budget),
+            "set": dict(self.assigned),
+            "task": self.task.name,
+            "environment": {**asdict(environment), "arguments": dict(environment.arguments)},
+            "recipe": asdict(self.recipe),
+            "source": self.source,
+            "data": dict(self.data),
+            "protocol": self.protocol.identity(self.task),
+            "simulator": dict(self.simulator),
+        }
+
+    @property
+    def labels(self) -> Labels:
+        """What tables need to place this cell."""
+        return Labels(
+            suite=self.suite,
+            group=self.task.group,
+            row=self.task.environment.name,
+            sees_expert_actions=self.method.access_to_expert_actions,
+        )
+
+    @property
+    def label(self) -> str:
+        """For progress and messages: ``dilo:released hopper-random-expert``."""
+        return f"{self.method.name}:{self.preset} {self.task.name}"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A cell and one seed; leaves one record."""
+
+    cell: Cell
+    seed: int
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """The cell's identity and the seed."""
+        return {**self.cell.identity, "seed": self.seed}
+
+    @cached_property
+    def identity_hash(self) -> str:
+        """SHA-256 of the identity; names the record."""
+        return content_hash(self.identity)
+
+    @property
+    def label(self) -> str:
+        """For progress and messages."""
+        return f"{self.cell.label} seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A method's configuration and who changed what in it.
+
+    Attributes:
+        config: the result.
+        budget: fields that the protocol changed, as JSON values.
+        assigned: fields that ``--set`` changed; one set to the value that it had anyway is not among them.
+    """
+
+    config: MethodConfig
+    budget: dict[str, Any]
+    assigned: dict[str, Any]
+
+
+def configure(method: type[Method], preset: str, protocol: Protocol, assigned: Mapping[str, Any]) -> Configuration:
+    """The configuration of a method.
+
+    Layers, later over earlier: the method's defaults, the preset, the protocol's budget, ``--set``.
+
+    Raises:
+        UserError: for an unknown preset or field, or a value of the wrong type or range.
+    """
+    if preset not in method.presets:
+        raise unknown_name(f"preset of {method.name}", preset, method.presets)
+    known = method.Config.model_fields
+    for field in assigned:
+        if field not in known:
+            raise unknown_name(f"field of {method.name} in --set", field, known)
+    budget = dict(method.budgets.get(protocol.name, {}))
+    for field, value in assigned.items():
+        if isinstance(value, bool) and not isinstance(known[field].default, bool):
+            raise UserError(
+                f"--set {method.name}.{field}={value}: the field takes no truth value.",
+                f"'lfobench show {method.name}' lists the fields with their types.",
+            )
+    plain = {**method.presets[preset], **budget}  # type: ignore[index]
+    try:
+        config = method.Config.model_validate({**plain, **assigned})
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"])
+        raise UserError(
+            f"--set {method.name}.{field}={first['input']!r}: {first['msg'].lower()}.",
+            f"'lfobench show {method.name}' lists the fields with their types.",
+        ) from error
+    before = method.Config.model_validate(plain).model_dump(mode="json")
+    after = config.model_dump(mode="json")
+    changed = {name: after[name] for name in assigned if after[name] != before[name]}
+    return Configuration(config, {name: after[name] for name in budget if name not in changed}, changed)

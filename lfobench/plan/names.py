@@ -1,0 +1,83 @@
+"""Parsing of what a user types: lists of names, globs, seed ranges, ``--set`` assignments."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from fnmatch import fnmatchcase
+from typing import Any
+
+from lfobench.contract.suite import Task
+from lfobench.errors import UserError, unknown_name
+
+MAX_SEED = 2**32 - 1
+
+
+def split_names(text: str) -> list[str]:
+    """``"dilo, smodice"`` to its names, order kept, repeats dropped."""
+    return list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+
+
+def parse_seeds(text: str) -> list[int]:
+    """``"0-2,5"`` to ``[0, 1, 2, 5]``.
+
+    Raises:
+        UserError: when a part is neither a number nor a rising range, or a seed is out of range.
+    """
+    seeds: dict[int, None] = {}
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d{1,10})\s*(?:-\s*(\d{1,10})\s*)?", part)
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+        if first > last or last > MAX_SEED or last - first >= 10_000:
+            raise UserError(
+                f"'{text}' is not a list of seeds.", "Write numbers and rising ranges: --seeds 0-6 or 0,3,5."
+            )
+        seeds.update(dict.fromkeys(range(first, last + 1)))
+    return list(seeds)
+
+
+def select_tasks(tasks: Sequence[Task], patterns: Iterable[str]) -> list[Task]:
+    """The tasks that match any of the globs, in suite order.
+
+    Raises:
+        UserError: for a pattern that matches nothing.
+    """
+    names = [task.name for task in tasks]
+    chosen: set[str] = set()
+    patterns = list(patterns)
+    if not patterns:
+        raise UserError("No task is named.", "Write, for example, --tasks 'hopper-*', or leave the option out.")
+    for pattern in patterns:
+        matched = [name for name in names if fnmatchcase(name, pattern)]
+        if not matched:
+            raise unknown_name("task", pattern, names)
+        chosen.update(matched)
+    return [task for task in tasks if task.name in chosen]
+
+
+def parse_assignments(assignments: Sequence[str], methods: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """``["dilo.tau=3"]`` to ``{"dilo": {"tau": 3}}``; values are JSON where they parse as JSON, else text.
+
+    Raises:
+        UserError: for a malformed assignment or a method that does not run.
+    """
+    settings: dict[str, dict[str, Any]] = {}
+    for assignment in assignments:
+        match = re.fullmatch(r"([^.=\s]+)\.([^.=\s]+)=(.*)", assignment, flags=re.DOTALL)
+        if match is None:
+            raise UserError(f"--set '{assignment}' is not METHOD.FIELD=VALUE.", "Write, for example, --set dilo.tau=3.")
+        method, field, text = match.groups()
+        if method not in methods:
+            raise unknown_name("method in --set", method, methods)
+        settings.setdefault(method, {})[field] = _value(text)
+    return settings
+
+
+def _value(text: str) -> Any:
+    if text.strip().lower() in ("none", "null"):
+        return None
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return {"true": True, "false": False}.get(text.strip().lower(), text)

@@ -1,0 +1,141 @@
+"""The plan: what a command line asks for, as cells and runs, before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import cast
+
+from lfobench.contract.method import PresetName
+from lfobench.contract.suite import Suite, Task
+from lfobench.errors import UserError, unknown_name
+from lfobench.plan.cells import Cell, Run, configure
+from lfobench.plan.names import parse_assignments, parse_seeds, select_tasks, split_names
+from lfobench.plan.parts import requests, simulator_versions
+from lfobench.plan.protocol import Protocol, load_protocol
+from lfobench.registry import load_method, load_suite
+
+SOURCES = ("generated",)
+DEVICES = ("cpu", "cuda")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user typed."""
+
+    methods: str
+    suite: str
+    tasks: str | None = None
+    seeds: str | None = None
+    protocol: str = "auto"
+    preset: str = "released"
+    assignments: Sequence[str] = field(default_factory=tuple)
+    source: str = "generated"
+    device: str = "auto"
+    steps: int | None = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Cells in table order (tasks, then methods) and the seeds of each.
+
+    Attributes:
+        suite: the suite.
+        cells: one per task and method.
+        seeds: the same for every cell.
+        protocol: the one that runs.
+        protocol_reason: why, when the user left it to us; else empty.
+        device: ``cpu`` or ``cuda``.
+    """
+
+    suite: Suite
+    cells: tuple[Cell, ...]
+    seeds: tuple[int, ...]
+    protocol: Protocol
+    protocol_reason: str
+    device: str
+
+    @property
+    def runs(self) -> list[Run]:
+        """Every run, cell by cell."""
+        return [Run(cell, seed) for cell in self.cells for seed in self.seeds]
+
+    @property
+    def tasks(self) -> list[Task]:
+        """The tasks, each once."""
+        return list({cell.task.name: cell.task for cell in self.cells}.values())
+
+
+def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
+    """Resolve names to cells.
+
+    Args:
+        request: what was typed.
+        cuda_available: asked only when the device is left to us or is CUDA.
+
+    Raises:
+        UserError: for anything that does not exist or does not parse; nothing has been written by then.
+    """
+    device = _device(request.device, cuda_available)
+    protocol, reason = choose_protocol(request.protocol, device)
+    protocol = replace(protocol, assigned_steps=request.steps)
+    if request.source not in SOURCES:
+        raise unknown_name("source", request.source, SOURCES)
+    suite = load_suite(request.suite)
+    tasks = select_tasks(suite.tasks, ["*"] if request.tasks is None else split_names(request.tasks))
+    names = split_names(request.methods)
+    if not names:
+        raise UserError("No method is named.", "Write, for example, --methods dilo,bc.")
+    methods = {name: load_method(name) for name in names}
+    seeds = tuple(parse_seeds(protocol.seeds if request.seeds is None else request.seeds))
+    assigned = parse_assignments(request.assignments, names)
+    configured = {
+        name: configure(method, request.preset, protocol, assigned.get(name, {})) for name, method in methods.items()
+    }
+    simulator = simulator_versions()
+    cells = [
+        Cell(
+            method=methods[name],
+            preset=cast(PresetName, request.preset),
+            config=configured[name].config,
+            budget=configured[name].budget,
+            assigned=configured[name].assigned,
+            suite=request.suite,
+            task=task,
+            protocol=protocol,
+            source=request.source,
+            data=data,
+            simulator=simulator,
+        )
+        for task in tasks
+        for data in [_data(suite, task, protocol)]
+        for name in names
+    ]
+    return Plan(suite, tuple(cells), seeds, protocol, reason, device)
+
+
+def _device(name: str, cuda_available: Callable[[], bool]) -> str:
+    if name == "auto":
+        return "cuda" if cuda_available() else "cpu"
+    if name not in DEVICES:
+        raise unknown_name("device", name, ["auto", *DEVICES])
+    if name == "cuda" and not cuda_available():
+        raise UserError("No CUDA device is available to torch.", "Use --device cpu, or install a CUDA build of torch.")
+    return name
+
+
+def choose_protocol(name: str, device: str) -> tuple[Protocol, str]:
+    """The protocol of that name, or for ``auto`` the one that fits the device, and why.
+
+    Raises:
+        UserError: for an unknown name.
+    """
+    if name != "auto":
+        return load_protocol(name), ""
+    chosen = "paper" if device == "cuda" else "quick"
+    return load_protocol(chosen), f"auto: '{chosen}' because the device is {device}"
+
+
+def _data(suite: Suite, task: Task, protocol: Protocol) -> dict[str, str]:
+    offline, expert = requests(suite, task, protocol.recipe_for(task))
+    return {"offline": offline.specification.hash, "expert": expert.specification.hash}
