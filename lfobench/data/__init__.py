@@ -1,0 +1,1 @@
+"""Trajectories, boundary rules, recipes, the generated source and the firewall."""

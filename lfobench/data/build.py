@@ -1,0 +1,94 @@
+"""Building generated parts: shard by shard, in parallel, resumable at every shard."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+
+from lfobench.contract.suite import Level
+from lfobench.data.cache import PartCache
+from lfobench.data.generated import roll_out
+from lfobench.errors import UserError
+from lfobench.plan.parts import PartRequest, specification
+from lfobench.processes import die_with_parent, interrupts_held
+from lfobench.registry import load_suite
+
+
+@dataclass(frozen=True)
+class ShardJob:
+    """One missing shard, named so that another process can build it."""
+
+    root: Path
+    suite: str
+    task: str
+    level: Level
+    shard: int
+
+
+def missing_shards(root: Path, suite: str, wanted: Sequence[tuple[str, PartRequest]]) -> list[ShardJob]:
+    """The shards that the requests (task name, part) lack, each once."""
+    jobs: dict[Path, ShardJob] = {}
+    for task, request in wanted:
+        cache = PartCache(root, request.specification)
+        for shard in cache.missing(request.transitions):
+            jobs[cache.path(shard)] = ShardJob(root, suite, task, request.specification.level, shard)
+    return list(jobs.values())
+
+
+def check_present(root: Path, suite: str, requests: Iterable[PartRequest]) -> None:
+    """Read every shard that the requests need and that is there, before anything is trained on it.
+
+    Raises:
+        UserError: for the first damaged one, naming it and the way out.
+    """
+    longest: dict[str, PartRequest] = {}
+    for request in requests:
+        known = longest.setdefault(request.specification.hash, request)
+        if request.transitions > known.transitions:
+            longest[request.specification.hash] = request
+    for request in longest.values():
+        cache, transitions = PartCache(root, request.specification), request.transitions
+        absent = set(cache.missing(transitions))
+        for shard in range(cache.specification.shards_for(transitions)):
+            if shard not in absent:
+                cache.read(shard, suite)
+
+
+def build_shard(job: ShardJob) -> ShardJob:
+    """Roll out and store one shard."""
+    suite = load_suite(job.suite)
+    task = next(task for task in suite.tasks if task.name == job.task)
+    part = specification(suite, task, job.level)
+    demonstrator = suite.demonstrator(task.environment.name, job.level)
+    PartCache(job.root, part).write(job.shard, roll_out(part, demonstrator, job.shard))
+    return job
+
+
+def build(jobs: Sequence[ShardJob], workers: int) -> Iterator[ShardJob]:
+    """Build every job, yielding each as it is stored; closing the iterator stops after the running ones."""
+    if workers == 1 or len(jobs) == 1:
+        yield from map(build_shard, jobs)
+        return
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context, initializer=die_with_parent)
+    with interrupts_held():
+        pending: set[Future[ShardJob]] = {pool.submit(build_shard, job) for job in jobs}
+    try:
+        while pending:
+            done, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+    except BrokenProcessPool as error:
+        raise UserError(
+            "A process died while building data; it may have run out of memory.",
+            "The same command continues; try --workers 1.",
+        ) from error
+    finally:
+        # Not `cancel_futures`: the pool's thread forgets it once this generator, the last to hold the pool, is closed.
+        for future in pending:
+            future.cancel()
+        pool.shutdown(wait=False)

@@ -1,0 +1,48 @@
+"""The generated source: rollouts of demonstrators, in shards of a part.
+
+Shard i depends on the part's specification and i alone, so parts are built in parallel, extended later, and a
+smaller protocol reads a prefix of a larger one's data.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfobench.contract.suite import Demonstrator, FloatArray
+from lfobench.data.episodes import Episodes
+from lfobench.plan.parts import PartSpecification
+
+
+def roll_out(specification: PartSpecification, demonstrator: Demonstrator, shard: int) -> Episodes:
+    """Whole episodes until at least `shard_transitions` steps are made."""
+    key = np.random.SeedSequence([int(specification.hash[:16], 16), shard])
+    generator = np.random.Generator(np.random.Philox(key))
+    environment = specification.environment.make()
+    observations: list[FloatArray] = []
+    actions: list[FloatArray] = []
+    rewards: list[float] = []
+    lengths: list[int] = []
+    terminations: list[bool] = []
+    try:
+        while sum(lengths) < specification.shard_transitions:
+            observation, _ = environment.reset(seed=int(generator.integers(2**31)))
+            observations.append(np.asarray(observation, np.float32))
+            length, terminated, truncated = 0, False, False
+            while not (terminated or truncated):
+                action = demonstrator.act(observations[-1], generator)
+                observation, reward, terminated, truncated, _ = environment.step(action)
+                observations.append(np.asarray(observation, np.float32))
+                actions.append(action)
+                rewards.append(float(reward))
+                length += 1
+            lengths.append(length)
+            terminations.append(terminated)
+    finally:
+        environment.close()
+    return Episodes(
+        np.stack(observations),
+        np.stack(actions).astype(np.float32),
+        np.asarray(rewards, np.float32),
+        np.asarray(lengths, np.int64),
+        np.asarray(terminations, np.bool_),
+    )

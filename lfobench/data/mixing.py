@@ -1,0 +1,150 @@
+"""A task's data: the offline mix and the demonstration that a recipe defines (methods.md 2.3 and 2.4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfobench.contract.method import Boundary, DataNeeds, Termination
+from lfobench.contract.suite import Recipe
+from lfobench.data import boundaries
+from lfobench.data.boundaries import Rows
+from lfobench.data.episodes import Episodes, FloatArray, IntArray, concatenate
+
+STD_FLOOR = 1e-10
+
+
+@dataclass(frozen=True)
+class ObservationTransform:
+    """How raw observations become a method's observations, in the data and in the simulator.
+
+    Attributes:
+        shift: ``[obs]`` subtracted.
+        scale: ``[obs]`` divided by.
+        indicator: whether a trailing 0 is appended (1 marks the absorbing observation).
+    """
+
+    shift: FloatArray
+    scale: FloatArray
+    indicator: bool
+
+    def __call__(self, observations: FloatArray) -> FloatArray:
+        """``[..., obs] -> [..., obs (+ 1)]``, float32."""
+        transformed: FloatArray = np.asarray((observations - self.shift) / self.scale, dtype=np.float32)
+        if self.indicator:
+            zero = np.zeros((*transformed.shape[:-1], 1), np.float32)
+            transformed = np.concatenate((transformed, zero), axis=-1)
+        return transformed
+
+    @property
+    def size(self) -> int:
+        """Length of a transformed observation."""
+        return len(self.shift) + int(self.indicator)
+
+    def absorbing(self) -> FloatArray:
+        """The absorbing observation: zeros and the indicator."""
+        absorbing: FloatArray = np.eye(1, self.size, self.size - 1, dtype=np.float32)[0]
+        return absorbing
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """A task's rows for one method, over one stack of observations and actions.
+
+    Attributes:
+        observations: ``[M, obs]`` transformed; the last row is the absorbing observation if there is one.
+        actions: ``[A, act]``.
+        offline: rows of the offline data.
+        expert: rows of the demonstration.
+        initial: ``[E]`` indices of the first observations of the offline data's episodes.
+        transform: to be applied to the simulator's observations.
+    """
+
+    observations: FloatArray
+    actions: FloatArray
+    offline: Rows
+    expert: Rows
+    initial: IntArray
+    transform: ObservationTransform
+
+
+def mix(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, horizon: int) -> Mixture:
+    """The rows of a recipe under the boundary rules that a method declares.
+
+    Args:
+        offline: the poor part.
+        expert: the expert part; K trajectories of it join the offline data, with their actions.
+        recipe: counts.
+        needs: the method's declaration.
+        horizon: steps at which the released expert walk counts a trajectory.
+
+    Raises:
+        ValueError: for a boundary and a termination that no rule combines.
+    """
+    _check(needs)
+    everything = concatenate([offline, expert])
+    absorbing = len(everything.observations)
+    if needs.boundary == "released":
+        offline_rows, expert_rows = _released(offline, expert, recipe, needs, horizon)
+        if needs.termination == "absorbing":
+            offline_rows = boundaries.absorb_transitions(offline_rows, absorbing)
+    else:
+        offline_rows, expert_rows = _exact(offline, expert, recipe, needs, absorbing)
+    transform = _transform(everything, offline_rows, needs, absorbing)
+    observations = transform(everything.observations)
+    if transform.indicator:
+        observations = np.concatenate((observations, transform.absorbing()[None]))
+    first = everything.first_observation
+    used = np.zeros(absorbing + 1, np.bool_)
+    used[offline_rows.observation] = True
+    return Mixture(observations, everything.actions, offline_rows, expert_rows, first[used[first]], transform)
+
+
+def _released(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, horizon: int) -> tuple[Rows, Rows]:
+    expert_rows = boundaries.released_transitions(expert)
+    taken = boundaries.released_expert_prefix(expert_rows, recipe.expert_trajectories, horizon)
+    place = (len(offline.observations), offline.transitions)
+    mixed = boundaries.stack([boundaries.released_transitions(offline), taken.shifted(*place)])
+    if not _triples(needs):
+        return mixed, expert_rows.first(recipe.demonstration_rows).shifted(*place)
+    demonstration = boundaries.released_triples(expert_rows).first(recipe.demonstration_rows)
+    # The authors' buffer never samples its last row.
+    return boundaries.released_triples(mixed), demonstration.first(max(len(demonstration) - 1, 0)).shifted(*place)
+
+
+def _exact(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, absorbing: int) -> tuple[Rows, Rows]:
+    mixed = concatenate([offline, expert.first_episodes(recipe.expert_trajectories)])
+    place = (len(offline.observations), offline.transitions)
+    demonstration = expert.first_transitions(recipe.demonstration_rows)
+    if not _triples(needs):
+        return boundaries.exact_transitions(mixed), boundaries.exact_transitions(demonstration).shifted(*place)
+    # Expert rows are shifted into place, so their absorbing index is given relative to that place.
+    return (
+        boundaries.exact_triples(mixed, needs.termination, absorbing),
+        boundaries.exact_triples(demonstration, needs.termination, absorbing - place[0]).shifted(*place),
+    )
+
+
+def _check(needs: DataNeeds) -> None:
+    rules: set[tuple[Boundary, Termination]] = {("released", "teleport"), ("exact", "zero"), ("exact", "absorbing")}
+    if not _triples(needs):
+        rules.add(("released", "absorbing"))
+    if (needs.boundary, needs.termination) not in rules:
+        rows = "triples" if _triples(needs) else "pairs"
+        raise ValueError(f"no rule makes {needs.boundary} {rows} with termination '{needs.termination}'")
+
+
+def _triples(needs: DataNeeds) -> bool:
+    return "second_next_observation" in (*needs.offline, *needs.expert)
+
+
+def _transform(everything: Episodes, offline: Rows, needs: DataNeeds, absorbing: int) -> ObservationTransform:
+    size = everything.observations.shape[1]
+    shift, scale = np.zeros(size, np.float32), np.ones(size, np.float32)
+    if needs.standardize:
+        row = offline.observation[: offline.sampled]
+        seen = everything.observations[row[row < absorbing]]
+        shift = seen.mean(0, dtype=np.float64).astype(np.float32)
+        scale = (seen.std(0, dtype=np.float64) + STD_FLOOR).astype(np.float32)
+    return ObservationTransform(shift, scale, needs.termination == "absorbing")

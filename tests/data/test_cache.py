@@ -1,0 +1,251 @@
+"""Shards on disk: whole or absent, and never believed without a check."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers_cli import process
+from helpers_engine import HOPPER_TASK, TINY
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from raw_rows import make_episodes, walk
+
+import lfobench.data.cache
+from lfobench.contract.suite import Level
+from lfobench.data.build import ShardJob, build, missing_shards
+from lfobench.data.cache import PartCache, fingerprint
+from lfobench.data.generated import roll_out
+from lfobench.errors import UserError
+from lfobench.files import TEMPORARY_SUFFIX, remove_leftovers
+from lfobench.plan.parts import PartRequest, PartSpecification, specification
+from lfobench.registry import load_suite
+
+SHARD = 120
+
+
+def part(level: Level = "random", task: str = "pole-random-expert", suite: str = TINY) -> PartSpecification:
+    """A part in shards small enough for a test."""
+    loaded = load_suite(suite)
+    return replace(
+        specification(loaded, next(each for each in loaded.tasks if each.name == task), level), shard_transitions=SHARD
+    )
+
+
+def fill(cache: PartCache, shards: int, suite: str = TINY) -> None:
+    demonstrator = load_suite(suite).demonstrator(cache.specification.environment.name, cache.specification.level)
+    for shard in range(shards):
+        cache.write(shard, roll_out(cache.specification, demonstrator, shard))
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> PartCache:
+    filled = PartCache(tmp_path / "cache", part())
+    fill(filled, 2)
+    return filled
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    store, episodes = PartCache(tmp_path, part()), make_episodes([(3, True), (5, False)])
+    store.write(4, episodes)
+    read, mark = store.read(4, "tiny")
+    assert walk(read) == walk(episodes)
+    assert np.array_equal(read.rewards, episodes.rewards)
+    assert mark == fingerprint(episodes)
+    assert [path.name for path in store.folder.iterdir()] == [store.path(4).name]
+
+
+def cut(path: Path, cache: PartCache) -> None:
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def empty(path: Path, cache: PartCache) -> None:
+    path.write_bytes(b"")
+
+
+def missing(path: Path, cache: PartCache) -> None:
+    path.unlink()
+
+
+def neighbour(path: Path, cache: PartCache) -> None:
+    shutil.copy(cache.path(1), path)
+
+
+def other_part(path: Path, cache: PartCache) -> None:
+    other = PartCache(cache.root, part("expert"))
+    fill(other, 1)
+    shutil.copy(other.path(0), path)
+
+
+def text(path: Path, cache: PartCache) -> None:
+    path.write_text("not a shard")
+
+
+def folder(path: Path, cache: PartCache) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize("damage", [cut, empty, missing, neighbour, other_part, text, folder])
+def test_damage_is_named_with_the_way_out(cache: PartCache, damage: Callable[[Path, PartCache], None]) -> None:
+    path = cache.path(0)
+    damage(path, cache)
+    with pytest.raises(UserError) as refused:
+        cache.load(SHARD + 1, TINY)
+    assert str(path) in str(refused.value)
+    assert f"lfobench data build {TINY}" in str(refused.value)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(where=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
+def test_any_flipped_bit_is_found(cache: PartCache, where: float, bit: int) -> None:
+    path = cache.path(0)
+    whole = path.read_bytes()
+    place = int(where * len(whole))
+    path.write_bytes(whole[:place] + bytes([whole[place] ^ (1 << bit)]) + whole[place + 1 :])
+    try:
+        with pytest.raises(UserError, match=re.escape(str(path))):
+            cache.read(0, TINY)
+    finally:
+        path.write_bytes(whole)
+    cache.read(0, TINY)
+
+
+def test_same_seed_same_fingerprint(tmp_path: Path, cache: PartCache) -> None:
+    again = PartCache(tmp_path / "again", part())
+    fill(again, 2)
+    for shard in range(2):
+        assert again.read(shard, TINY)[1] == cache.read(shard, TINY)[1]
+    assert cache.read(0, TINY)[1] != cache.read(1, TINY)[1], "shards are drawn independently"
+
+
+def test_hopper_is_reproducible(tmp_path: Path) -> None:
+    """Built in this process and in a fresh one."""
+    levels: tuple[Level, ...] = ("random", "expert")
+    here = [hopper_fingerprint(tmp_path / "here", level) for level in levels]
+    script = (
+        "import sys; from pathlib import Path; from test_cache import hopper_fingerprint\n"
+        "print(*(hopper_fingerprint(Path(sys.argv[1]), level) for level in ('random', 'expert')))"
+    )
+    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parent.parent)])
+    answer = process([sys.executable, "-c", script, str(tmp_path / "there")], env={"PYTHONPATH": paths})
+    assert answer.out.split() == here, answer.err
+
+
+def hopper_fingerprint(root: Path, level: Level) -> str:
+    """Of one small shard."""
+    hopper = PartCache(root, part(level, HOPPER_TASK, "locomotion"))
+    fill(hopper, 1, "locomotion")
+    return hopper.read(0, "locomotion")[1]
+
+
+def test_episodes_of_the_simulator_are_whole(cache: PartCache) -> None:
+    episodes, _ = cache.load(SHARD, TINY)
+    assert episodes.transitions == SHARD
+    everything, _ = cache.read(0, TINY)
+    assert everything.transitions >= SHARD
+    assert (everything.lengths <= 60).all()
+    assert everything.terminated[everything.lengths < 60].all(), "an episode short of the horizon was ended"
+    assert np.abs(everything.actions).max() <= 1.0
+
+
+def test_a_smaller_request_is_a_prefix_of_a_larger_one(cache: PartCache) -> None:
+    large, large_mark = cache.load(2 * SHARD, TINY)
+    for transitions in (1, 50, SHARD, SHARD + 30):
+        small, small_mark = cache.load(transitions, TINY)
+        assert small.transitions == transitions
+        assert np.array_equal(small.actions, large.actions[:transitions])
+        assert walk(small)[:-1] == walk(large)[: len(small.lengths) - 1]
+        assert small_mark != large_mark
+
+
+def test_a_part_grows_without_touching_what_is_there(tmp_path: Path) -> None:
+    growing = PartCache(tmp_path, part())
+    fill(growing, 1)
+    stamp = growing.path(0).stat().st_mtime_ns
+    assert growing.missing(SHARD) == []
+    assert growing.missing(3 * SHARD) == [1, 2]
+    assert growing.path(0).stat().st_mtime_ns == stamp
+
+
+def dead_process() -> int:
+    """The id of a process that is no more."""
+    with subprocess.Popen([sys.executable, "-c", ""]) as child:
+        child.wait()
+    return child.pid
+
+
+def test_leftovers_of_a_killed_build_are_removed(cache: PartCache) -> None:
+    leftover = cache.folder / f"00001.safetensors.{dead_process()}{TEMPORARY_SUFFIX}"
+    leftover.write_bytes(b"half a shard")
+    remove_leftovers(cache.root)
+    assert not leftover.exists()
+    assert cache.path(0).exists()
+
+
+def test_a_build_in_progress_elsewhere_is_left_alone(cache: PartCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second command starts while this one is in the middle of writing a shard."""
+    genuine = lfobench.data.cache.save_file
+
+    def save_and_be_interrupted(*arguments: Any) -> None:
+        genuine(*arguments)
+        missing_shards(cache.root, TINY, [("pole-random-expert", PartRequest(cache.specification, SHARD))])
+        remove_leftovers(cache.root)
+
+    monkeypatch.setattr(lfobench.data.cache, "save_file", save_and_be_interrupted)
+    cache.write(0, make_episodes([(3, False)]))
+    assert cache.read(0, TINY)[0].transitions == 3
+
+
+def test_the_disk_refuses(tmp_path: Path) -> None:
+    """A path below a regular file cannot be written, not even by root."""
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(UserError, match="Cannot write"):
+        PartCache(tmp_path / "file", part()).write(0, make_episodes([(3, False)]))
+
+
+def test_a_full_disk_is_an_error_with_a_way_out_and_no_file(tmp_path: Path, full_disk: None) -> None:
+    with pytest.raises(UserError, match="Cannot write"):
+        PartCache(tmp_path, part()).write(0, make_episodes([(100_000, False)]))
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+@pytest.mark.slow
+def test_parallel_and_serial_builds_agree(tmp_path: Path) -> None:
+    """Real shards, made by two processes and by one."""
+    marks: list[set[tuple[Level, int, str]]] = []
+    for workers in (1, 2):
+        root = tmp_path / str(workers)
+        levels: tuple[Level, ...] = ("random", "expert")
+        jobs = [ShardJob(root, TINY, "pole-random-expert", level, 0) for level in levels]
+        done = list(build(jobs, workers))
+        assert {job.level for job in done} == {"random", "expert"}
+        task = load_suite(TINY).tasks[0]
+        marks.append(
+            {
+                (
+                    job.level,
+                    job.shard,
+                    PartCache(root, specification(load_suite(TINY), task, job.level)).read(0, TINY)[1],
+                )
+                for job in done
+            }
+        )
+        assert list(root.rglob(f"*{TEMPORARY_SUFFIX}")) == []
+    assert marks[0] == marks[1]
+
+
+def test_shards_wanted_twice_are_built_once(tmp_path: Path) -> None:
+    loaded = load_suite(TINY)
+    request = PartRequest(specification(loaded, loaded.tasks[0], "expert"), 25_000)
+    jobs = missing_shards(tmp_path, TINY, [(task.name, request) for task in loaded.tasks])
+    assert [job.shard for job in jobs] == [0, 1, 2]
