@@ -1,0 +1,95 @@
+"""State discriminator that SMODICE and ORIL take their reward from (methods.md 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from pydantic import Field
+from torch import Tensor
+from torch.nn.functional import logsigmoid
+
+from lfobench.contract.method import MethodConfig, Metrics, Shapes, Sizes, Stage, State
+from lfobench.contract.randomness import StepRandomness
+from methods.networks import Adam, Network
+
+STAGE = "discriminator"
+
+
+class DiscriminatorConfig(MethodConfig):
+    """Hyperparameters of the discriminator, part of its methods' own."""
+
+    discriminator_passes: int = Field(1000, ge=1, description="Passes over the expert states.")
+    discriminator_batch: int = Field(256, ge=1, description="Expert states per discriminator step.")
+    discriminator_learning_rate: float = Field(3e-4, gt=0, description="Adam step size of the discriminator.")
+    gradient_penalty: float = Field(10.0, ge=0, description="Coefficient of the discriminator's penalty.")
+    freeze_first_layer: bool = Field(
+        True,
+        description="Leave the discriminator's first layer at its initial values: the released optimiser is built "
+        "over the later layers only, a slip that every published SMODICE and ORIL number contains.",
+    )
+
+
+class Discriminator:
+    """D(s), trained to tell expert states from offline ones; its logit is the reward.
+
+    Args:
+        shapes: of the observation, absorbing indicator included.
+        hidden: widths of the hidden layers.
+        seeds: one per entry of the seed axis.
+        device: where it lives.
+        config: see there.
+    """
+
+    def __init__(
+        self,
+        shapes: Shapes,
+        hidden: Sequence[int],
+        seeds: Sequence[int],
+        device: torch.device,
+        config: DiscriminatorConfig,
+    ) -> None:
+        self._config = config
+        self._network = Network(STAGE, (shapes.observation, *hidden, 1), seeds, device, activation=torch.tanh)
+        self._optimizer = Adam(self._network.flat, config.discriminator_learning_rate)
+
+    def stage(self, sizes: Sizes) -> Stage:
+        """Passes over the expert rows, each batch beside as many offline rows.
+
+        1000 expert rows in batches of 256 are 4 steps a pass: 4000 steps for 1000 passes.
+        """
+        batch = self._config.discriminator_batch
+        steps = self._config.discriminator_passes * -(-sizes.expert // batch)
+        return Stage(STAGE, steps, offline_batch=batch, expert_batch=batch, expert_epochs=True)
+
+    def reward(self, observation: Tensor) -> Tensor:
+        """``R(s) = log D - log(1 - D)``, the raw logit, ``[S, B]``; no gradient."""
+        with torch.no_grad():
+            return self._network(observation)[..., 0]
+
+    def classification_loss(self, expert: Tensor, offline: Tensor) -> Tensor:
+        """``BCE(D(expert), 1) + BCE(D(offline), 0)`` per seed."""
+        expert_logit, offline_logit = self._network(expert)[..., 0], self._network(offline)[..., 0]
+        return -(logsigmoid(expert_logit).mean(-1) + logsigmoid(-offline_logit).mean(-1))
+
+    def penalty_loss(self, expert: Tensor, offline: Tensor, fraction: Tensor) -> Tensor:
+        """``mean (||grad_x D(x)|| - 1)^2`` at ``x = u x_E + (1 - u) x_O``, u = `fraction` ``[S, B, 1]``."""
+        mixed = (fraction * expert + (1.0 - fraction) * offline).requires_grad_()
+        (slope,) = torch.autograd.grad(self._network(mixed).sum(), mixed, create_graph=True)
+        norm: Tensor = torch.linalg.vector_norm(slope, dim=-1)
+        return (norm - 1.0).square().mean(-1)
+
+    def update(self, expert: Tensor, offline: Tensor, randomness: StepRandomness) -> Metrics:
+        """One step on both losses; `offline` is cut to the expert rows of a short last batch."""
+        offline = offline[:, : expert.shape[1]]
+        fraction = randomness.uniform("gradient penalty", expert.shape[1], 1)
+        classification = self.classification_loss(expert, offline)
+        penalty = self.penalty_loss(expert, offline, fraction)
+        loss = classification + self._config.gradient_penalty * penalty
+        first_trained = 1 if self._config.freeze_first_layer else 0
+        self._optimizer.step(self._network.gradient(loss, first_layer=first_trained))
+        return {"discriminator_loss": classification.detach(), "gradient_penalty": penalty.detach()}
+
+    def state(self) -> State:
+        """Live tensors for a checkpoint."""
+        return {STAGE: self._network.flat, **self._optimizer.state(f"{STAGE}.adam")}

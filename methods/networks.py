@@ -1,0 +1,218 @@
+"""Networks with a leading seed axis, and their optimiser.
+
+All parameters of a network are one flat tensor ``[S*H, P]`` (S seeds, H heads, P padded with zeros); layers are
+views of it. One program therefore evaluates every seed and head with one batched product per layer, and an
+optimiser step, a target update or an inner product of gradients is one operation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from lfobench.contract.randomness import Randomness
+
+Initialization = Literal["torch", "xavier"]
+
+# Vector kernels treat the last few elements of an array differently from the rest. A row of parameters that is a
+# whole number of vectors long is never such a tail, so a seed gets the same bits alone and beside others.
+ROW_MULTIPLE = 64
+
+
+def _initial_bounds(fan_in: int, fan_out: int, initialization: Initialization) -> tuple[float, float]:
+    """Half-widths of the uniform initial weights and biases of a linear layer.
+
+    ``torch`` is ``nn.Linear``'s default; ``xavier`` is Glorot and Bengio 2010, eq. 16, with zero biases.
+    """
+    if initialization == "torch":
+        return 1.0 / math.sqrt(fan_in), 1.0 / math.sqrt(fan_in)
+    return math.sqrt(6.0 / (fan_in + fan_out)), 0.0
+
+
+class Network:
+    """A multilayer perceptron per seed and head.
+
+    Args:
+        name: keys the initial weights, so that networks of one method differ.
+        sizes: widths from input to output.
+        seeds: one per entry of the seed axis.
+        device: where the parameters live.
+        heads: independent copies per seed that see the same input.
+        activation: between layers; the last layer is linear.
+        initialization: of the weights.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sizes: Sequence[int],
+        seeds: Sequence[int],
+        device: torch.device,
+        *,
+        heads: int = 1,
+        activation: Callable[[Tensor], Tensor] = torch.relu,
+        initialization: Initialization = "torch",
+    ) -> None:
+        self.sizes = tuple(sizes)
+        self.seed_count = len(seeds)
+        self.heads = heads
+        self.activation = activation
+        self._set_flat(
+            torch.cat([_initial_flat(seed, name, self.sizes, heads, initialization) for seed in seeds]).to(device)
+        )
+
+    def _set_flat(self, flat: Tensor) -> None:
+        self.flat = flat
+        self.layers: list[tuple[Tensor, Tensor]] = []
+        offset = 0
+        for fan_in, fan_out in pairwise(self.sizes):
+            weight = flat[:, offset : offset + fan_in * fan_out].unflatten(1, (fan_in, fan_out))
+            offset += fan_in * fan_out
+            bias = flat[:, offset : offset + fan_out].unflatten(1, (1, fan_out))
+            offset += fan_out
+            # Detached views are autograd leaves of their own that share the flat storage.
+            self.layers.append((weight.detach().requires_grad_(), bias.detach().requires_grad_()))
+
+    def __call__(self, inputs: Tensor) -> Tensor:
+        """Outputs ``[S, B, out]``, or ``[S, H, B, out]`` with several heads, of inputs ``[S, B, in]``."""
+        hidden = inputs
+        if self.heads > 1:
+            hidden = inputs[:, None].expand(-1, self.heads, -1, -1).flatten(0, 1)
+        hidden = self._run(self.layers, hidden)
+        return hidden.unflatten(0, (self.seed_count, self.heads)) if self.heads > 1 else hidden
+
+    def _run(self, layers: Sequence[tuple[Tensor, Tensor]], hidden: Tensor) -> Tensor:
+        for index, (weight, bias) in enumerate(layers):
+            hidden = _linear(hidden, weight, bias)
+            if index < len(layers) - 1:
+                hidden = self.activation(hidden)
+        return hidden
+
+    def gradient(self, loss: Tensor, *, retain_graph: bool = False, first_layer: int = 0) -> Tensor:
+        """Gradient ``[S*H, P]`` of a per-seed loss ``[S]``; layers below `first_layer` get zeros."""
+        tensors = [tensor for layer in self.layers[first_layer:] for tensor in layer]
+        gradients = torch.autograd.grad(loss.sum(), tensors, retain_graph=retain_graph)
+        parts = [gradient.flatten(1) for gradient in gradients]
+        skipped = sum(tensor[0].numel() for layer in self.layers[:first_layer] for tensor in layer)
+        padding = self.flat.shape[1] - skipped - sum(part.shape[1] for part in parts)
+        zeros = self.flat.new_zeros(self.flat.shape[0], skipped + padding)
+        return torch.cat([zeros[:, :skipped], *parts, zeros[:, skipped:]], dim=1)
+
+    def per_seed(self, flat: Tensor) -> Tensor:
+        """A tensor ``[S*H, P]`` seen as one vector over all heads per seed, ``[S, H*P]``."""
+        return flat.view(self.seed_count, -1)
+
+    def head(self, index: int) -> Callable[[Tensor], Tensor]:
+        """The `index`-th head alone: ``[S, B, in] -> [S, B, out]``, differentiable in its input."""
+        layers = [
+            (weight.unflatten(0, (-1, self.heads))[:, index], bias.unflatten(0, (-1, self.heads))[:, index])
+            for weight, bias in self.layers
+        ]
+        return lambda inputs: self._run(layers, inputs)
+
+    def copy(self) -> Network:
+        """A network with the same parameters in storage of its own (a target network)."""
+        twin = object.__new__(Network)
+        twin.sizes, twin.seed_count = self.sizes, self.seed_count
+        twin.heads, twin.activation = self.heads, self.activation
+        twin._set_flat(self.flat.clone())
+        return twin
+
+    def follow(self, online: Network, rate: float) -> None:
+        """Move the parameters towards `online` by `rate` (exponential moving average), in place."""
+        self.flat.lerp_(online.flat, rate)
+
+
+class SeedVector:
+    """A trainable vector per seed, zero at first.
+
+    Attributes:
+        flat: ``[S, P]``, the values padded with zeros; what an optimiser changes.
+        values: ``[S, width]``, an autograd leaf that shares its storage.
+    """
+
+    def __init__(self, width: int, seed_count: int, device: torch.device) -> None:
+        self.flat = torch.zeros(seed_count, width + -width % ROW_MULTIPLE, device=device)
+        self.values = self.flat[:, :width].detach().requires_grad_()
+
+    def padded(self, gradient: Tensor) -> Tensor:
+        """A gradient ``[S, width]`` in the shape of `flat`."""
+        return torch.nn.functional.pad(gradient, (0, self.flat.shape[1] - gradient.shape[1]))
+
+
+def _linear(inputs: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    """``inputs @ weight + bias`` per entry of the leading axis."""
+    # Batched products with one column, forward or in a gradient, take a path that rounds with the batch size.
+    if weight.shape[-2] == 1:
+        return inputs * weight + bias
+    if weight.shape[-1] == 1:
+        return (inputs * weight.mT).sum(-1, keepdim=True) + bias
+    return torch.baddbmm(bias, inputs, weight)
+
+
+def _initial_flat(seed: int, name: str, sizes: Sequence[int], heads: int, initialization: Initialization) -> Tensor:
+    """One seed's initial parameters ``[H, P]``: draws keyed by (seed, network, head)."""
+    count = sum(fan_in * fan_out + fan_out for fan_in, fan_out in pairwise(sizes))
+    randomness = Randomness([seed])
+    rows = []
+    for head in range(heads):
+        signed = randomness.uniform(f"{name}: initial weights", head, count)[0] * 2.0 - 1.0
+        parts = []
+        for fan_in, fan_out in pairwise(sizes):
+            weight_bound, bias_bound = _initial_bounds(fan_in, fan_out, initialization)
+            weight, bias, signed = signed.split([fan_in * fan_out, fan_out, len(signed) - fan_in * fan_out - fan_out])
+            parts += [weight * weight_bound, bias * bias_bound]
+        rows.append(torch.nn.functional.pad(torch.cat(parts), (0, -count % ROW_MULTIPLE)))
+    return torch.stack(rows)
+
+
+class Adam:
+    """Adam (Kingma and Ba 2015) on one flat parameter tensor, optionally with a cosine learning rate.
+
+    Args:
+        parameters: changed in place.
+        learning_rate: initial step size.
+        weight_decay: L2 coefficient added to the gradient before the moments.
+        cosine_steps: the rate is ``learning_rate * (1 + cos(pi * t / cosine_steps)) / 2`` at step t; None
+            keeps it constant.
+    """
+
+    def __init__(
+        self,
+        parameters: Tensor,
+        learning_rate: float,
+        *,
+        weight_decay: float = 0.0,
+        cosine_steps: int | None = None,
+    ) -> None:
+        self._parameters = torch.nn.Parameter(parameters)
+        self._learning_rate = torch.tensor(learning_rate, device=parameters.device)
+        self._optimizer = torch.optim.Adam(
+            [self._parameters], lr=self._learning_rate, weight_decay=weight_decay, fused=True
+        )
+        # torch.optim creates its state on the first step; a checkpoint needs the tensors from the start.
+        self._state = {
+            "step": torch.zeros((), device=parameters.device),
+            "exp_avg": torch.zeros_like(parameters),
+            "exp_avg_sq": torch.zeros_like(parameters),
+        }
+        self._optimizer.state[self._parameters] = self._state
+        self._initial_rate = learning_rate
+        self._cosine_steps = cosine_steps
+
+    def step(self, gradient: Tensor) -> None:
+        """Apply one gradient, shaped as the parameters."""
+        if self._cosine_steps is not None:
+            phase = (self._state["step"] * (math.pi / self._cosine_steps)).clamp(max=math.pi)
+            self._learning_rate.copy_((torch.cos(phase) + 1.0) * (self._initial_rate / 2.0))
+        self._parameters.grad = gradient
+        self._optimizer.step()
+
+    def state(self, prefix: str) -> dict[str, Tensor]:
+        """The live tensors that a checkpoint needs, under `prefix`."""
+        return {f"{prefix}.{name}": tensor for name, tensor in self._state.items()}

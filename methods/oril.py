@@ -1,0 +1,163 @@
+"""ORIL as SMODICE's authors run it: a discriminator reward and TD3+BC (methods.md 3.3).
+
+The original ORIL learns its reward by positive-unlabelled classification; every published number of the seed
+paper's line comes from this simpler form. The presets differ as SMODICE's do: the discriminator's frozen first
+layer and the batch size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from lfobench.contract.method import (
+    Batch,
+    DataNeeds,
+    Method,
+    Metrics,
+    PresetName,
+    Shapes,
+    Sizes,
+    Stage,
+    State,
+    Widths,
+)
+from lfobench.contract.randomness import StepRandomness
+from methods import discriminator
+from methods.discriminator import Discriminator, DiscriminatorConfig
+from methods.networks import Adam, Network
+
+# Learning rates that show something within 12k steps on a CPU; the released ones show nothing there.
+QUICK = {"batch_size": 256, "learning_rate": 1e-3, "target_rate": 0.02, "discriminator_passes": 250}
+
+
+class OrilConfig(DiscriminatorConfig):
+    """Hyperparameters of ORIL."""
+
+    batch_size: int = Field(512, ge=1, description="Offline rows per seed and step.")
+    hidden: Widths = Field((256, 256), description="Hidden widths of every network.")
+    discount: float = Field(0.99, ge=0, lt=1, description="gamma.")
+    learning_rate: float = Field(3e-4, gt=0, description="Adam step size of actor and critics.")
+    target_rate: float = Field(0.005, gt=0, le=1, description="EMA rate of the targets.")
+    smoothing_noise: float = Field(0.2, ge=0, description="Std of the target policy's smoothing noise.")
+    smoothing_limit: float = Field(0.5, ge=0, description="Bound of that noise.")
+    value_weight: float = Field(2.5, ge=0, description="alpha of TD3+BC: weight of the normalised Q term.")
+    policy_delay: int = Field(2, ge=1, description="Critic steps per actor and target step.")
+    absorbing: bool = Field(True, description="Send terminal steps to an absorbing state with its own indicator.")
+
+
+class Oril(Method):
+    """Discriminator reward, then TD3+BC on the offline data."""
+
+    name = "oril"
+    Config = OrilConfig
+    presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {
+        "released": {},
+        "paper": {"freeze_first_layer": False, "batch_size": 1024},
+    }
+    budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "quick": QUICK,
+        "demo": {**QUICK, "batch_size": 128, "hidden": (128, 128), "discriminator_passes": 100},
+        "smoke": {
+            "batch_size": 32,
+            "hidden": (32, 32),
+            "discriminator_passes": 2,
+            "discriminator_batch": 128,
+        },
+    }
+
+    @classmethod
+    def needs(cls, config: OrilConfig) -> DataNeeds:
+        """Offline transitions; expert states only."""
+        return DataNeeds(
+            offline=("observation", "action", "next_observation", "terminated"),
+            expert=("observation",),
+            termination="absorbing" if config.absorbing else "teleport",
+            standardize=True,
+        )
+
+    def __init__(self, config: OrilConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
+        self.config = config
+        self.discriminator = Discriminator(shapes, config.hidden, seeds, device, config)
+        self.actor = Network("actor", (shapes.observation, *config.hidden, shapes.action), seeds, device)
+        critic_sizes = (shapes.observation + shapes.action, *config.hidden, 1)
+        self.critic = Network("critic", critic_sizes, seeds, device, heads=2)
+        self.actor_target, self.critic_target = self.actor.copy(), self.critic.copy()
+        self.actor_optimizer = Adam(self.actor.flat, config.learning_rate)
+        self.critic_optimizer = Adam(self.critic.flat, config.learning_rate)
+
+    def stages(self, sizes: Sizes) -> Sequence[Stage]:
+        """The discriminator first, then frozen."""
+        return (
+            self.discriminator.stage(sizes),
+            Stage("policy", None, offline_batch=self.config.batch_size, expert_batch=0),
+        )
+
+    def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
+        """A discriminator step, or a critic step and, every `policy_delay` steps, an actor step."""
+        if stage == discriminator.STAGE:
+            return self.discriminator.update(expert["observation"], offline["observation"], randomness)
+        metrics = self.update_critic(offline, randomness)
+        if (randomness.step + 1) % self.config.policy_delay == 0:
+            self.update_actor(offline)
+            self.actor_target.follow(self.actor, self.config.target_rate)
+            self.critic_target.follow(self.critic, self.config.target_rate)
+        return metrics
+
+    def critic_target_value(self, offline: Batch, noise: Tensor) -> Tensor:
+        """``y = R(s) + (1 - d) gamma min_k Q'_k(s', clip(pi'(s') + clip(noise)))``, ``[S, B]``."""
+        config = self.config
+        smoothing = (config.smoothing_noise * noise).clamp(-config.smoothing_limit, config.smoothing_limit)
+        with torch.no_grad():
+            next_observation = offline["next_observation"]
+            next_action = (torch.tanh(self.actor_target(next_observation)) + smoothing).clamp(-1.0, 1.0)
+            next_value = self.critic_target(torch.cat((next_observation, next_action), dim=-1))[..., 0].amin(1)
+            bootstrap = (1.0 - offline["terminated"]) * config.discount * next_value
+        return self.discriminator.reward(offline["observation"]) + bootstrap
+
+    def critic_loss(self, offline: Batch, target: Tensor) -> Tensor:
+        """``sum_k mean (Q_k(s, a) - y)^2``, ``[S]``."""
+        value = self.critic(torch.cat((offline["observation"], offline["action"]), dim=-1))[..., 0]
+        return (value - target[:, None]).square().mean(-1).sum(-1)
+
+    def update_critic(self, offline: Batch, randomness: StepRandomness) -> Metrics:
+        """One step of both critics."""
+        target = self.critic_target_value(offline, randomness.normal("smoothing", *offline["action"].shape[1:]))
+        loss = self.critic_loss(offline, target)
+        self.critic_optimizer.step(self.critic.gradient(loss))
+        return {"critic_loss": loss.detach(), "target_value": target.mean(-1)}
+
+    def actor_loss(self, offline: Batch) -> Tensor:
+        """``-lam mean Q_1(s, pi(s)) + mean (pi(s) - a)^2``, ``lam = alpha / mean |Q_1|``; ``[S]``.
+
+        The second mean runs over rows and action dimensions alike.
+        """
+        action = torch.tanh(self.actor(offline["observation"]))
+        value = self.critic.head(0)(torch.cat((offline["observation"], action), dim=-1))[..., 0]
+        scale = self.config.value_weight / value.detach().abs().mean(-1)
+        return -scale * value.mean(-1) + (action - offline["action"]).square().mean((1, 2))
+
+    def update_actor(self, offline: Batch) -> None:
+        """One step of the actor."""
+        self.actor_optimizer.step(self.actor.gradient(self.actor_loss(offline)))
+
+    def act(self, observation: Tensor) -> Tensor:
+        """Deterministic actions."""
+        with torch.no_grad():
+            return torch.tanh(self.actor(observation))
+
+    def state(self) -> State:
+        """Live tensors for a checkpoint."""
+        return {
+            **self.discriminator.state(),
+            "actor": self.actor.flat,
+            "actor.target": self.actor_target.flat,
+            "critic": self.critic.flat,
+            "critic.target": self.critic_target.flat,
+            **self.actor_optimizer.state("actor.adam"),
+            **self.critic_optimizer.state("critic.adam"),
+        }

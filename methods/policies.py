@@ -1,0 +1,182 @@
+"""Policies that several methods share: a deterministic tanh policy and two Gaussian ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from lfobench.contract.method import Metrics, Shapes, State
+from lfobench.contract.randomness import StepRandomness
+from methods.networks import Adam, Network, SeedVector
+
+_HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
+
+
+def normal_log_density(value: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
+    """Log-density of a diagonal Gaussian, summed over the last axis: ``[..., act] -> [...]``."""
+    standardized = (value - mean) * torch.exp(-log_std)
+    return (-0.5 * standardized.square() - log_std - _HALF_LOG_TWO_PI).sum(-1)
+
+
+def squared_error(action: Tensor, prediction: Tensor) -> Tensor:
+    """Squared error per row, summed over action dimensions: ``[S, B, act] -> [S, B]``."""
+    return (action - prediction).square().sum(-1)
+
+
+class DeterministicPolicy:
+    """``tanh(MLP(s))`` trained by weighted regression (methods.md 3.1, policy step)."""
+
+    def __init__(
+        self,
+        shapes: Shapes,
+        hidden: Sequence[int],
+        seeds: Sequence[int],
+        device: torch.device,
+        *,
+        learning_rate: float,
+        cosine_steps: int | None = None,
+    ) -> None:
+        self._network = Network("policy", (shapes.observation, *hidden, shapes.action), seeds, device)
+        self._optimizer = Adam(self._network.flat, learning_rate, cosine_steps=cosine_steps)
+
+    def act(self, observation: Tensor) -> Tensor:
+        """Actions ``[S, N, act]``."""
+        return torch.tanh(self._network(observation))
+
+    def regress(self, observation: Tensor, action: Tensor, weight: Tensor | None = None) -> Tensor:
+        """One step on the mean of ``weight * error(s, a)``; returns the loss ``[S]``."""
+        error = self._error(observation, action)
+        loss = (error if weight is None else weight * error).mean(-1)
+        self._step(loss)
+        return loss.detach()
+
+    def _error(self, observation: Tensor, action: Tensor) -> Tensor:
+        """``||a - pi(s)||^2``, ``[S, B]``."""
+        return squared_error(action, self.act(observation))
+
+    def _step(self, loss: Tensor) -> None:
+        self._optimizer.step(self._network.gradient(loss))
+
+    def state(self) -> State:
+        """Live tensors for a checkpoint."""
+        return {"policy": self._network.flat, **self._optimizer.state("policy.adam")}
+
+
+class GaussianPolicy(DeterministicPolicy):
+    """Diagonal Gaussian around ``tanh(MLP(s))`` with a log-std per action that no state changes.
+
+    The policy class of the code base that DILO's authors started from; the seed paper's weighted
+    log-likelihood needs a density, its released code does not. It acts by its mean.
+    """
+
+    LOG_STD_RANGE = (-5.0, 2.0)
+
+    def __init__(
+        self,
+        shapes: Shapes,
+        hidden: Sequence[int],
+        seeds: Sequence[int],
+        device: torch.device,
+        *,
+        learning_rate: float,
+        cosine_steps: int | None = None,
+    ) -> None:
+        super().__init__(shapes, hidden, seeds, device, learning_rate=learning_rate, cosine_steps=cosine_steps)
+        self._log_std = SeedVector(shapes.action, len(seeds), device)
+        self._log_std_optimizer = Adam(self._log_std.flat, learning_rate, cosine_steps=cosine_steps)
+
+    def _error(self, observation: Tensor, action: Tensor) -> Tensor:
+        """``-log pi(a|s)``, ``[S, B]``."""
+        log_std = self._log_std.values.clamp(*self.LOG_STD_RANGE)[:, None]
+        return -normal_log_density(action, self.act(observation), log_std)
+
+    def _step(self, loss: Tensor) -> None:
+        (log_std_gradient,) = torch.autograd.grad(loss.sum(), self._log_std.values, retain_graph=True)
+        super()._step(loss)
+        self._log_std_optimizer.step(self._log_std.padded(log_std_gradient))
+
+    def state(self) -> State:
+        """Live tensors for a checkpoint."""
+        log_std = {"policy.log_std": self._log_std.flat, **self._log_std_optimizer.state("policy.log_std.adam")}
+        return {**super().state(), **log_std}
+
+
+class TanhGaussianPolicy:
+    """Squashed Gaussian trained on weighted log-likelihood with an entropy constraint (methods.md 3.2).
+
+    ``L_pi = -mean(w log pi(a|s)) + exp(l) mean log pi(a~|s)``, a~ a reparameterised sample;
+    ``L_l = -l (mean log pi(a~|s) + H)`` with H = -dim(a). Without the constraint only the first term remains.
+    """
+
+    MEAN_RANGE = (-7.24, 7.24)
+    LOG_STD_RANGE = (-5.0, 2.0)
+    ACTION_MARGIN = 1e-6
+
+    def __init__(
+        self,
+        shapes: Shapes,
+        hidden: Sequence[int],
+        seeds: Sequence[int],
+        device: torch.device,
+        *,
+        learning_rate: float,
+        entropy_constraint: bool,
+    ) -> None:
+        sizes = (shapes.observation, *hidden, 2 * shapes.action)
+        self._network = Network("policy", sizes, seeds, device, initialization="xavier")
+        self._optimizer = Adam(self._network.flat, learning_rate)
+        self._target_entropy = -float(shapes.action)
+        self._entropy_constraint = entropy_constraint
+        self._log_temperature = SeedVector(1, len(seeds), device)
+        self._temperature_optimizer = Adam(self._log_temperature.flat, learning_rate)
+
+    def _distribution(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        mean, log_std = self._network(observation).chunk(2, dim=-1)
+        return mean.clamp(*self.MEAN_RANGE), log_std.clamp(*self.LOG_STD_RANGE)
+
+    def _log_density(self, pre_tanh: Tensor, action: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
+        correction = torch.log(1.0 - action.square() + self.ACTION_MARGIN).sum(-1)
+        return normal_log_density(pre_tanh, mean, log_std) - correction
+
+    def log_likelihood(self, action: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
+        """``log pi(a|s)`` of data actions ``[S, B, act] -> [S, B]``."""
+        inside = action.clamp(-1.0 + self.ACTION_MARGIN, 1.0 - self.ACTION_MARGIN)
+        pre_tanh = 0.5 * (torch.log1p(inside) - torch.log1p(-inside))
+        return self._log_density(pre_tanh, inside, mean, log_std)
+
+    def act(self, observation: Tensor) -> Tensor:
+        """``tanh`` of the clamped mean, ``[S, N, act]``."""
+        return torch.tanh(self._distribution(observation)[0])
+
+    def regress(
+        self, observation: Tensor, action: Tensor, weight: Tensor | None, randomness: StepRandomness
+    ) -> Metrics:
+        """One step of policy and temperature; returns ``policy_loss`` and ``entropy``, ``[S]`` each."""
+        mean, log_std = self._distribution(observation)
+        log_likelihood = self.log_likelihood(action, mean, log_std)
+        loss = -(log_likelihood if weight is None else weight * log_likelihood).mean(-1)
+        metrics = {"policy_loss": loss.detach()}
+        if self._entropy_constraint:
+            noise = randomness.normal("policy sample", *mean.shape[1:])
+            pre_tanh = mean + torch.exp(log_std) * noise
+            negative_entropy = self._log_density(pre_tanh, torch.tanh(pre_tanh), mean, log_std).mean(-1)
+            loss = loss + self._log_temperature.values.detach()[:, 0].exp() * negative_entropy
+            metrics["entropy"] = -negative_entropy.detach()
+        gradient = self._network.gradient(loss)
+        self._optimizer.step(gradient)
+        if self._entropy_constraint:
+            excess = (metrics["entropy"] - self._target_entropy)[:, None]
+            self._temperature_optimizer.step(self._log_temperature.padded(excess))
+        return metrics
+
+    def state(self) -> State:
+        """Live tensors for a checkpoint."""
+        return {
+            "policy": self._network.flat,
+            "policy.log_temperature": self._log_temperature.flat,
+            **self._optimizer.state("policy.adam"),
+            **self._temperature_optimizer.state("policy.log_temperature.adam"),
+        }
