@@ -1,0 +1,1 @@
+"""One cell: sample, update, checkpoint, evaluate, record."""

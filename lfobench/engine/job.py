@@ -1,0 +1,135 @@
+"""A job from data on disk to records on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import torch
+from filelock import FileLock, Timeout
+
+from lfobench.contract.record import Record, Warning, content_hash
+from lfobench.data.firewall import view
+from lfobench.data.source import TaskData, load_task
+from lfobench.engine.provenance import provenance
+from lfobench.engine.training import Advance, Trainer
+from lfobench.files import writable_folder
+from lfobench.plan.cells import Cell, Run
+from lfobench.registry import load_suite
+from lfobench.store.folder import RecordFolder
+
+
+@dataclass(frozen=True)
+class Job:
+    """Runs of one cell that train together.
+
+    Attributes:
+        cell: what to train.
+        seeds: the seed axis.
+        out: the output folder.
+        cache: root of the dataset cache.
+        device: ``cpu`` or ``cuda``.
+    """
+
+    cell: Cell
+    seeds: tuple[int, ...]
+    out: Path
+    cache: Path
+    device: str
+
+    @property
+    def runs(self) -> list[Run]:
+        """One per seed."""
+        return [Run(self.cell, seed) for seed in self.seeds]
+
+    @cached_property
+    def hash(self) -> str:
+        """Names the checkpoint."""
+        return content_hash([self.cell.identity, list(self.seeds)])
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A run has left its record."""
+
+    run: str
+    path: Path
+    score: float
+    diverged: bool
+
+
+class Busy(Exception):
+    """Another process is training this job."""
+
+
+def carry_out(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
+    """Train a job and write its records; ends early, with a checkpoint, when `stop` says so.
+
+    Raises:
+        Busy: when another process holds the job.
+        UserError: for missing or damaged data, or a disk that refuses.
+    """
+    folder = RecordFolder(job.out)
+    checkpoint = folder.checkpoint(job.hash)
+    writable_folder(checkpoint.parent, "--out")
+    try:
+        with FileLock(checkpoint.with_suffix(".lock"), blocking=False):
+            yield from _locked(job, folder, checkpoint, stop)
+    except Timeout as error:
+        raise Busy from error
+
+
+def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
+    if all(folder.find(run) for run in job.runs):
+        return
+    torch.set_num_threads(1)
+    device = torch.device(job.device)
+    cell = job.cell
+    data = load_task(job.cache, load_suite(cell.suite), cell.task, cell.recipe)
+    needs = cell.method.needs(cell.config)
+    mixture = data.mixture(needs)
+    trainer = Trainer(cell, job.seeds, view(cell.method, needs, mixture, device), device, checkpoint, stop)
+    yield from trainer.run()
+    if not trainer.finished:
+        return
+    for index, run in enumerate(job.runs):
+        if folder.find(run):
+            continue
+        record = _record(run, trainer, index, data, device)
+        path = folder.write(run, record)
+        yield Recorded(run.label, path, record.score(), record.status == "diverged")
+    checkpoint.unlink(missing_ok=True)
+    checkpoint.with_suffix(".lock").unlink(missing_ok=True)
+
+
+def _record(run: Run, trainer: Trainer, index: int, data: TaskData, device: torch.device) -> Record:
+    progress = trainer.progress
+    diverged_at = progress.diverged_at[index]
+    return Record(
+        identity_hash=run.identity_hash,
+        identity=run.identity,
+        labels=run.cell.labels,
+        status="finished" if diverged_at is None else "diverged",
+        diverged_at=diverged_at,
+        evaluations=progress.evaluations[index],
+        metrics=progress.metrics[index],
+        warnings=list(_warnings(diverged_at, data)),
+        provenance=provenance(device, progress.seconds, data.fingerprints)
+        | {"seeds_trained_together": len(progress.evaluations)},
+    )
+
+
+def _warnings(diverged_at: int | None, data: TaskData) -> Iterator[Warning]:
+    if diverged_at is not None:
+        yield Warning(
+            what=f"Non-finite values at step {diverged_at}: this seed counts as score 0.",
+            remedy="Lower the learning rates or the temperature; the other seeds are unaffected.",
+        )
+    if not data.released_expert_rows:
+        yield Warning(
+            what=f"The expert part does not reach {data.recipe.expert_trajectories} trajectories by the released "
+            "count, so none of it is mixed into the offline data.",
+            remedy="Lower K, or give the recipe a longer expert part.",
+        )

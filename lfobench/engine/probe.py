@@ -1,0 +1,144 @@
+"""A short measured probe: how long this machine will take, before it starts."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from lfobench.contract.method import Field, Method, Shapes, Sizes
+from lfobench.contract.randomness import Randomness, StepRandomness
+from lfobench.data.firewall import Table, View
+from lfobench.data.mixing import ObservationTransform
+from lfobench.engine.sampling import StageSampler
+from lfobench.plan.cells import Cell
+
+PROBE_ROWS = 4096
+PROBE_SECONDS = 0.25
+WARM_UP = 2
+CALLS_PER_BLOCK = 4
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Seconds of one run of a cell, were it alone on a core or device."""
+
+    training: float
+    evaluation: float
+
+    @property
+    def total(self) -> float:
+        """Training and evaluation, one after the other."""
+        return self.training + self.evaluation
+
+
+class Prober:
+    """Estimates cells, measuring every distinct (method, configuration, environment) once."""
+
+    def __init__(self, device: str) -> None:
+        self._device = torch.device(device)
+        self._steps: dict[tuple[str, str, str], dict[str, float]] = {}
+        self._simulators: dict[str, tuple[float, int, int]] = {}
+
+    def estimate(self, cell: Cell) -> Estimate:
+        """Training from measured updates of every stage; evaluation as if every episode ran to its horizon."""
+        environment, protocol = cell.task.environment, cell.protocol
+        simulator_step, observation, action = self._simulator(cell)
+        key = (cell.method.name, cell.config.model_dump_json(), environment.name)
+        if key not in self._steps:
+            self._steps[key] = self._measure(cell, observation, action)
+        recipe = cell.recipe
+        rows = recipe.offline_transitions + recipe.expert_trajectories * environment.horizon
+        sizes = Sizes(offline=rows, expert=recipe.demonstration_rows)
+        method = cell.method(cell.config, Shapes(observation, action), [0], torch.device("cpu"))
+        steps = protocol.steps_for(cell.task)
+        training = sum(
+            self._steps[key][stage.name] * (steps if stage.steps is None else stage.steps)
+            for stage in method.stages(sizes)
+        )
+        evaluations = -(-steps // protocol.evaluation_every)
+        simulated = evaluations * protocol.evaluation_episodes * environment.horizon
+        return Estimate(training, simulated * simulator_step)
+
+    def _simulator(self, cell: Cell) -> tuple[float, int, int]:
+        """Seconds per simulator step, and the lengths of observation and action."""
+        environment = cell.task.environment
+        if environment.name not in self._simulators:
+            simulator = environment.make()
+            observation, _ = simulator.reset(seed=0)
+            action = np.zeros(simulator.action_space.shape or (1,), np.float32)
+
+            def step() -> None:
+                _, _, terminated, truncated, _ = simulator.step(action)
+                if terminated or truncated:
+                    simulator.reset(seed=0)
+
+            seconds = _seconds_per_call(step)
+            simulator.close()
+            self._simulators[environment.name] = (seconds, len(observation), len(action))
+        return self._simulators[environment.name]
+
+    def _measure(self, cell: Cell, observation: int, action: int) -> dict[str, float]:
+        """Seconds per update of every stage on random data of the right shapes."""
+        needs = cell.method.needs(cell.config)
+        indicator = needs.termination == "absorbing"
+        shapes = Shapes(observation + int(indicator), action)
+        view = _random_view(needs.offline, needs.expert, shapes, self._device)
+        method: Method = cell.method(cell.config, shapes, [0], self._device)
+        randomness = Randomness([0], self._device)
+        measured = {}
+        for stage in method.stages(view.sizes):
+            sampler = StageSampler(view, stage, randomness)
+            step = 0
+
+            def update(name: str = stage.name, sampler: StageSampler = sampler) -> None:
+                nonlocal step
+                offline, expert = sampler.batches(step)
+                method.update(name, offline, expert, StepRandomness(randomness, step))
+                step += 1
+
+            measured[stage.name] = _seconds_per_call(update, self._device)
+        return measured
+
+
+def _random_view(offline: tuple[Field, ...], expert: tuple[Field, ...], shapes: Shapes, device: torch.device) -> View:
+    generator = torch.Generator().manual_seed(0)
+    widths = {"action": shapes.action, "terminated": 0}
+
+    def column(field: Field) -> tuple[Tensor, Tensor]:
+        width = widths.get(field, shapes.observation)
+        size = (PROBE_ROWS, width) if width else (PROBE_ROWS,)
+        values = torch.zeros(size) if not width else torch.rand(size, generator=generator) * 2 - 1
+        return values.to(device), torch.arange(PROBE_ROWS, device=device)
+
+    def table(fields: tuple[Field, ...]) -> Table:
+        return Table({field: column(field) for field in fields}, PROBE_ROWS, PROBE_ROWS)
+
+    initial: tuple[Field, ...] = tuple(field for field in offline if field == "initial_observation")
+    rest: tuple[Field, ...] = tuple(field for field in offline if field != "initial_observation")
+    zeros = np.zeros(shapes.observation, np.float32)
+    return View(table(rest), table(initial), table(expert), shapes, ObservationTransform(zeros, zeros + 1, False))
+
+
+def _seconds_per_call(call: Callable[[], object], device: torch.device | None = None) -> float:
+    def synchronize() -> None:
+        if device is not None and device.type == "cuda":
+            torch.cuda.synchronize(device)
+
+    for _ in range(WARM_UP):
+        call()
+    synchronize()
+    seconds: list[float] = []
+    while sum(seconds) * CALLS_PER_BLOCK < PROBE_SECONDS:
+        started = time.perf_counter()
+        for _ in range(CALLS_PER_BLOCK):
+            call()
+        synchronize()
+        seconds.append((time.perf_counter() - started) / CALLS_PER_BLOCK)
+    # Blocks, because calls differ (delayed updates); their median, because other work interrupts some of them.
+    return statistics.median(seconds)

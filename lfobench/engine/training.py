@@ -1,0 +1,206 @@
+"""The one training loop: every method, every seed, any protocol.
+
+A job is a cell and some of its seeds. It yields an event at every point where something can be shown, and ends by
+yielding one record per seed. It can be stopped between any two events, or killed at any instant, and continues
+from its last checkpoint.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from lfobench.contract.method import Method, Stage
+from lfobench.contract.randomness import Randomness, StepRandomness
+from lfobench.contract.record import Evaluation, Metrics, content_hash
+from lfobench.data.firewall import View
+from lfobench.engine import checkpoint
+from lfobench.engine.checkpoint import Progress
+from lfobench.engine.evaluation import Evaluator
+from lfobench.engine.sampling import StageSampler, check_tables
+from lfobench.errors import UserError
+from lfobench.plan.cells import Cell
+
+CHECKPOINT_SECONDS = 120.0
+EVENT_SECONDS = 0.5
+METRIC_PREFIX = "metric: "
+
+
+@dataclass(frozen=True)
+class Advance:
+    """A job's progress: updates done out of all stages, and the mean score of its latest evaluation."""
+
+    stage: str
+    done: int
+    total: int
+    score: float | None
+
+
+class Trainer:
+    """One job.
+
+    Args:
+        cell: what to train.
+        seeds: the seed axis.
+        view: the data, behind the firewall.
+        device: where to train.
+        checkpoint_path: where to continue from and save to.
+        stop: asked between steps; when it says True the job saves and ends without records.
+    """
+
+    def __init__(
+        self,
+        cell: Cell,
+        seeds: Sequence[int],
+        view: View,
+        device: torch.device,
+        checkpoint_path: Path,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._cell, self._seeds, self._view, self._device = cell, list(seeds), view, device
+        self._path, self._stop = checkpoint_path, stop
+        self.method: Method = cell.method(cell.config, view.shapes, self._seeds, device)
+        self._randomness = Randomness(self._seeds, device)
+        self._stages = self.method.stages(view.sizes)
+        self._job = content_hash([cell.identity, self._seeds])
+        self._metric_sums: dict[str, Tensor] = {}
+        self._evaluator = Evaluator(cell.task, view.transform, len(self._seeds), cell.protocol.evaluation_episodes)
+        self.progress = Progress.start(len(self._seeds))
+        for stage in self._stages:
+            if problem := check_tables(stage, view.offline, view.expert):
+                raise UserError(
+                    f"{cell.label} cannot train: {problem}.", "See 'lfobench show' for the recipe's counts."
+                )
+
+    def steps_of(self, stage: Stage) -> int:
+        """Length of a stage."""
+        return self._cell.protocol.steps_for(self._cell.task) if stage.steps is None else stage.steps
+
+    def run(self) -> Iterator[Advance]:
+        """Train to the end or to the stop; `progress` holds the result."""
+        self._resume()
+        saved = shown = time.monotonic()
+        try:
+            while self.progress.stage < len(self._stages):
+                stage = self._stages[self.progress.stage]
+                sampler = StageSampler(self._view, stage, self._randomness)
+                length = self.steps_of(stage)
+                while self.progress.step < length:
+                    if self._stop():
+                        self._save()
+                        return
+                    self._update(stage, sampler)
+                    at_evaluation = stage.steps is None and self._evaluation_due(length)
+                    if at_evaluation:
+                        self._evaluate()
+                    now = time.monotonic()
+                    if at_evaluation or now - saved > CHECKPOINT_SECONDS:
+                        self._save()
+                        saved = now
+                    if at_evaluation or now - shown > EVENT_SECONDS:
+                        shown = now
+                        yield self._advance(stage)
+                if stage.steps is not None:
+                    self._write_metrics()
+                self.progress.stage, self.progress.step = self.progress.stage + 1, 0
+        finally:
+            self._evaluator.close()
+
+    @property
+    def finished(self) -> bool:
+        """Whether every stage is complete."""
+        return self.progress.stage == len(self._stages)
+
+    def _update(self, stage: Stage, sampler: StageSampler) -> None:
+        started = time.perf_counter()
+        step = self.progress.step
+        offline, expert = sampler.batches(step)
+        metrics = self.method.update(stage.name, offline, expert, StepRandomness(self._randomness, step))
+        for name, value in metrics.items():
+            total = self._metric_sums.get(name)
+            if total is None:
+                self._metric_sums[name] = value.clone()
+            else:
+                total += value
+        self.progress.step += 1
+        self.progress.seconds["train"] += time.perf_counter() - started
+
+    def _evaluation_due(self, length: int) -> bool:
+        step = self.progress.step
+        return step % self._cell.protocol.evaluation_every == 0 or step == length
+
+    def _evaluate(self) -> None:
+        started = time.perf_counter()
+        step = self.progress.step
+        self._write_metrics()
+        self._mark_diverged(step)
+        results = self._evaluator.evaluate(self.method, self._device)
+        for index, rows in enumerate(self.progress.evaluations):
+            if self.progress.diverged_at[index] is None:
+                returns, lengths = results.returns[index].tolist(), results.lengths[index].tolist()
+                rows.append(Evaluation(step=step, returns=returns, lengths=lengths))
+        self.progress.seconds["evaluate"] += time.perf_counter() - started
+
+    def _write_metrics(self) -> None:
+        """Turn the sums since the last row into one row of means per seed."""
+        every = self._cell.protocol.evaluation_every
+        if not self._metric_sums:
+            return
+        stage = self._stages[self.progress.stage]
+        step = self.progress.step
+        count = step if stage.steps is not None else (step % every or every)
+        means = {name: (total.double() / count).tolist() for name, total in self._metric_sums.items()}
+        for index, rows in enumerate(self.progress.metrics):
+            values = {name: _finite(per_seed[index]) for name, per_seed in means.items()}
+            rows.append(Metrics(stage=stage.name, step=step, values=values))
+        self._metric_sums = {}
+
+    def _mark_diverged(self, step: int) -> None:
+        """A seed whose state or latest metrics are not finite is diverged; the others go on."""
+        finite = torch.ones(len(self._seeds), dtype=torch.bool, device=self._device)
+        for tensor in self.method.state().values():
+            if tensor.dim() > 0:
+                finite &= torch.isfinite(tensor).reshape(len(self._seeds), -1).all(-1)
+        for index, seed_is_finite in enumerate(finite.tolist()):
+            rows = self.progress.metrics[index]
+            metrics_are_finite = not rows or None not in rows[-1].values.values()
+            if self.progress.diverged_at[index] is None and not (seed_is_finite and metrics_are_finite):
+                self.progress.diverged_at[index] = step
+
+    def _advance(self, stage: Stage) -> Advance:
+        lengths = [self.steps_of(stage) for stage in self._stages]
+        scores = [
+            self._cell.task.environment.normalized_score(sum(rows[-1].returns) / len(rows[-1].returns))
+            for rows in self.progress.evaluations
+            if rows
+        ]
+        return Advance(
+            stage=stage.name,
+            done=sum(lengths[: self.progress.stage]) + self.progress.step,
+            total=sum(lengths),
+            score=sum(scores) / len(scores) if scores else None,
+        )
+
+    def _tensors(self) -> dict[str, Tensor]:
+        sums = {METRIC_PREFIX + name: total for name, total in self._metric_sums.items()}
+        return {**self.method.state(), **sums}
+
+    def _save(self) -> None:
+        checkpoint.save(self._path, self._job, self.progress, self._tensors())
+
+    def _resume(self) -> None:
+        if resumed := checkpoint.load(self._path, self._job, self.method.state()):
+            self.progress, sums = resumed
+            self._metric_sums = {
+                name.removeprefix(METRIC_PREFIX): total.to(self._device) for name, total in sums.items()
+            }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,52 @@
+"""What an executor reports of its jobs."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from lfobench.engine.job import Busy, Job, Recorded
+from lfobench.engine.training import Advance
+from lfobench.errors import UserError
+
+Outcome = Literal["done", "stopped", "busy", "failed"]
+CarryOut = Callable[[Job, Callable[[], bool]], Iterator[Advance | Recorded]]
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A job is over.
+
+    Attributes:
+        outcome: how.
+        message: one line for the user, empty unless failed.
+        detail: traceback of a crash, empty otherwise.
+    """
+
+    outcome: Outcome
+    message: str = ""
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened to the job at `index` of the submitted list."""
+
+    index: int
+    what: Advance | Recorded | Ended
+
+
+def attempt(job: Job, carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator[Advance | Recorded | Ended]:
+    """Carry out a job and turn whatever ends it into an `Ended`, so that other jobs go on."""
+    try:
+        yield from carry_out(job, stop)
+    except Busy:
+        yield Ended("busy", "another process is training it")
+    except UserError as error:
+        yield Ended("failed", str(error))
+    except Exception as error:
+        yield Ended("failed", f"{type(error).__name__}: {error}", traceback.format_exc())
+    else:
+        yield Ended("stopped" if stop() else "done")

@@ -1,0 +1,96 @@
+"""Jobs on a pool of worker processes.
+
+Each worker has a pipe. A worker that dies (out of memory, a crash in the simulator) fails its own job and is
+replaced; a parent that dies takes its workers along, so that nothing trains unseen.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.synchronize import Event as StopFlag
+
+from lfobench.engine.job import Job
+from lfobench.executors.events import CarryOut, Ended, Event, attempt
+from lfobench.processes import die_with_parent, interrupts_held
+
+POLL_SECONDS = 0.2
+
+
+class _Worker:
+    """One process and the job it is at."""
+
+    def __init__(self, context: SpawnContext, carry_out: CarryOut, flag: StopFlag) -> None:
+        self.pipe, far_end = context.Pipe()
+        self.process: SpawnProcess = context.Process(target=_work, args=(far_end, carry_out, flag), daemon=True)
+        with interrupts_held():
+            self.process.start()
+        far_end.close()
+        self.index: int | None = None
+
+    def give(self, index: int, job: Job) -> None:
+        self.index = index
+        self.pipe.send(job)
+
+    def close(self) -> None:
+        self.pipe.close()
+        self.process.join(timeout=5.0)
+        if self.process.is_alive():
+            self.process.kill()
+
+
+def execute(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
+    """Carry out `jobs` on `workers` processes; events of different jobs interleave.
+
+    After a stop the running jobs save their checkpoints and end; the rest is left for the next command.
+    """
+    context = multiprocessing.get_context("spawn")
+    flag = context.Event()
+    waiting = deque(enumerate(jobs))
+    pool = [_Worker(context, carry_out, flag) for _ in range(min(workers, len(jobs)))]
+    try:
+        while True:
+            if stop():
+                flag.set()
+                waiting.clear()
+            for position, worker in enumerate(pool):
+                if worker.index is None and waiting:
+                    if not worker.process.is_alive():
+                        pool[position] = worker = _Worker(context, carry_out, flag)
+                    worker.give(*waiting.popleft())
+            busy = {worker.pipe: worker for worker in pool if worker.index is not None}
+            if not busy:
+                return
+            for ready in wait(list(busy), timeout=POLL_SECONDS):
+                yield from _receive(busy[ready])  # type: ignore[index]
+    finally:
+        flag.set()
+        for worker in pool:
+            worker.close()
+
+
+def _receive(worker: _Worker) -> Iterator[Event]:
+    index = worker.index
+    assert index is not None
+    try:
+        what = worker.pipe.recv()
+    except (EOFError, OSError):
+        worker.process.join(timeout=5.0)
+        what = Ended("failed", f"its worker process died (exit code {worker.process.exitcode})")
+    if isinstance(what, Ended):
+        worker.index = None
+    yield Event(index, what)
+
+
+def _work(pipe: Connection, carry_out: CarryOut, flag: StopFlag) -> None:
+    die_with_parent()
+    while True:
+        try:
+            job: Job = pipe.recv()
+        except (EOFError, OSError):
+            return
+        for what in attempt(job, carry_out, flag.is_set):
+            pipe.send(what)

@@ -1,0 +1,1 @@
+"""Records on disk: written once, atomically, readable by anyone."""

@@ -1,0 +1,68 @@
+"""Why a run is reused or runs again: its identity against the nearest record, field by field."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from lfobench.contract.record import Record, canonical_json
+from lfobench.plan.cells import Run
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The answer for one run.
+
+    Attributes:
+        run: its label.
+        identity: hash of the identity that was looked for.
+        reused: whether a record with that identity is there.
+        headline: the decision in words.
+        differences: fields in which the nearest record differs, ``field: record's -> wanted``.
+    """
+
+    run: str
+    identity: str
+    reused: bool
+    headline: str
+    differences: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """For scripts."""
+        return {
+            "run": self.run,
+            "identity": self.identity,
+            "reused": self.reused,
+            "differences": list(self.differences),
+        }
+
+
+def explain(run: Run, records: Sequence[Record]) -> Explanation:
+    """Compare a run with the records of its method and task."""
+    short = run.identity_hash[:12]
+    if any(record.identity_hash == run.identity_hash for record in records):
+        headline = f"{run.label}: reused, identity {short}"
+        return Explanation(run.label, run.identity_hash, True, headline, ())
+    kin = [record for record in records if record.method == run.cell.method.name and record.task == run.cell.task.name]
+    if not kin:
+        headline = f"{run.label}: will run, no record of this method on this task"
+        return Explanation(run.label, run.identity_hash, False, headline, ())
+    nearest = min(kin, key=lambda record: (len(list(differences(record.identity, run.identity))), record.seed))
+    found = tuple(differences(nearest.identity, run.identity))
+    headline = f"{run.label}: will run, identity {short}; the nearest record {nearest.identity_hash[:12]} differs in"
+    return Explanation(run.label, run.identity_hash, False, headline, found)
+
+
+def differences(record: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """``field: record's -> wanted`` for every leaf in which two identities differ."""
+    for field in sorted({*record, *wanted}):
+        one, two = record.get(field), wanted.get(field)
+        if isinstance(one, Mapping) and isinstance(two, Mapping):
+            yield from differences(one, two, f"{prefix}{field}.")
+        elif (field in record) != (field in wanted) or canonical_json(one) != canonical_json(two):
+            yield f"{prefix}{field}: {_text(field, record)} -> {_text(field, wanted)}"
+
+
+def _text(field: str, identity: Mapping[str, Any]) -> str:
+    return canonical_json(identity[field]) if field in identity else "absent"

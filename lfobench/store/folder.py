@@ -1,0 +1,131 @@
+"""A folder of records: ``records/<task>/<method>-<preset>-seed<k>-<hash>.json`` below the output folder."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from lfobench.contract.record import SCHEMA, Record, Warning, content_hash
+from lfobench.errors import UserError
+from lfobench.files import remove_leftovers, write_text
+from lfobench.plan.cells import Run
+
+SEAL = "seal"
+"""Key of the hash over everything else in a record's file."""
+
+
+@dataclass(frozen=True)
+class RecordFolder:
+    """The output folder of ``lfobench run``."""
+
+    root: Path
+
+    @property
+    def records(self) -> Path:
+        """Where the records lie."""
+        return self.root / "records"
+
+    def path(self, run: Run) -> Path:
+        """The one place of a run's record."""
+        cell = run.cell
+        name = f"{cell.method.name}-{cell.preset}-seed{run.seed}-{run.identity_hash[:12]}.json"
+        return self.records / _safe(cell.task.name) / _safe(name)
+
+    def checkpoint(self, job_hash: str) -> Path:
+        """The checkpoint of a job."""
+        return self.root / "checkpoints" / f"{job_hash[:24]}.safetensors"
+
+    def failure(self, run: Run) -> Path:
+        """Where the traceback of a crashed run is kept."""
+        return self.root / "failures" / _safe(f"{run.cell.method.name}-{run.cell.task.name}-seed{run.seed}.txt")
+
+    def find(self, run: Run) -> Record | None:
+        """The run's record, if it is there and whole."""
+        path = self.path(run)
+        try:
+            if not path.exists():
+                return None
+        except OSError as error:
+            raise UserError(f"Cannot look into {path.parent}: {error.strerror}.", "Choose another --out.") from error
+        record = read_record(path)
+        return record if isinstance(record, Record) and record.identity_hash == run.identity_hash else None
+
+    def write(self, run: Run, record: Record) -> Path:
+        """Store a record atomically."""
+        path = self.path(run)
+        content = record.model_dump(mode="json")
+        write_text(path, json.dumps({**content, SEAL: content_hash(content)}, indent=1, allow_nan=False) + "\n")
+        return path
+
+    def remove_leftovers(self) -> None:
+        """Delete what killed runs left under temporary names in this folder's own subfolders."""
+        for own in ("records", "checkpoints", "failures"):
+            remove_leftovers(self.root / own)
+
+    def read_all(self) -> RecordsRead:
+        """Every record below the folder, and a warning for every JSON file there that is not one.
+
+        Raises:
+            UserError: when the folder does not exist.
+        """
+        if not self.root.is_dir():
+            raise UserError(f"No folder {self.root}.", "Run 'lfobench run' first, or name another with --out.")
+        read = RecordsRead()
+        for path in sorted(self.root.rglob("*.json")):
+            outcome = read_record(path)
+            if isinstance(outcome, Record):
+                read.records.append(outcome)
+            else:
+                read.warnings.append(outcome)
+        return read
+
+
+@dataclass
+class RecordsRead:
+    """What a folder held."""
+
+    records: list[Record] = field(default_factory=list)
+    warnings: list[Warning] = field(default_factory=list)
+
+
+def read_record(path: Path) -> Record | Warning:
+    """One record, or the reason why the file is not one of ours."""
+    try:
+        content = json.loads(path.read_bytes())
+        seal = content.pop(SEAL, None) if isinstance(content, dict) else None
+        record = Record.model_validate(content)
+        intact = seal == content_hash(content)
+    except (OSError, ValueError, RecursionError) as error:
+        cause = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+        return Warning(what=f"{path} is not a record of lfobench and was skipped ({cause}).", remedy="Move it away.")
+    if record.schema_version != SCHEMA:
+        cause = f"its schema is {record.schema_version}, this version reads {SCHEMA}"
+        return Warning(what=f"{path} was skipped: {cause}.", remedy="Run it again, or use the version that wrote it.")
+    if not intact or content_hash(record.identity) != record.identity_hash:
+        what = f"{path} was skipped: it does not match its seal, so it was edited after it was written."
+        return Warning(what=what, remedy="Delete it and run again.")
+    return record
+
+
+def select(records: Sequence[Record], **wanted: str | None) -> list[Record]:
+    """Records whose ``source``, ``protocol``, ``suite`` or ``preset`` is the wanted one; None keeps all."""
+    found = {
+        "source": lambda record: record.identity["source"],
+        "protocol": lambda record: record.identity["protocol"]["name"],
+        "suite": lambda record: record.labels.suite,
+        "preset": lambda record: record.identity["preset"],
+    }
+    return [
+        record
+        for record in records
+        if all(value is None or found[name](record) == value for name, value in wanted.items())
+    ]
+
+
+def _safe(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9._+-]", "_", name)

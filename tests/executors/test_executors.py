@@ -1,0 +1,121 @@
+"""Where jobs run must not matter; what ends one job must not end the others."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+from helpers_engine import (
+    SMOKE,
+    Drifting,
+    Dying,
+    Raising,
+    cell_of,
+    make_job,
+    never,
+    records_of,
+    smoke_cell,
+)
+
+from lfobench.engine.job import Job, Recorded, carry_out
+from lfobench.engine.training import Advance
+from lfobench.executors import local, pool
+from lfobench.executors.events import Ended, Event
+
+pytestmark = pytest.mark.slow
+
+
+def endings(events: Sequence[Event]) -> dict[int, Ended]:
+    return {event.index: event.what for event in events if isinstance(event.what, Ended)}
+
+
+def outcomes(events: Sequence[Event]) -> dict[int, str]:
+    return {index: ended.outcome for index, ended in endings(events).items()}
+
+
+def test_pool_and_local_leave_the_same_records(tmp_path: Path, shared_cache: Path) -> None:
+    def jobs(out: str) -> list[Job]:
+        return [
+            make_job(smoke_cell(name), [seed], tmp_path / out, shared_cache)
+            for name in ("dilo", "smodice")
+            for seed in (0, 1)
+        ]
+
+    one, two = jobs("local"), jobs("pool")
+    assert outcomes(list(local.execute(one, carry_out, never))) == dict.fromkeys(range(4), "done")
+    assert outcomes(list(pool.execute(two, carry_out, 2, never))) == dict.fromkeys(range(4), "done")
+    for here, there in zip(one, two, strict=True):
+        assert [record.measured() for record in records_of(here)] == [record.measured() for record in records_of(there)]
+
+
+def test_a_worker_that_dies_fails_its_own_job_only(tmp_path: Path, shared_cache: Path) -> None:
+    """More jobs than workers: the dead worker is replaced."""
+    marker = tmp_path / "die"
+    marker.touch()
+    cells = [cell_of(Drifting), cell_of(Dying, marker=str(marker)), cell_of(Drifting), cell_of(Raising)]
+    jobs = [make_job(cell, [seed], tmp_path / "out", shared_cache) for seed, cell in enumerate(cells)]
+    events = list(pool.execute(jobs, carry_out, 1, never))
+    assert outcomes(events) == {0: "done", 1: "failed", 2: "done", 3: "failed"}
+    died, raised = endings(events)[1], endings(events)[3]
+    assert "worker process died" in died.message
+    assert "7" in died.message, "the exit code is named"
+    assert "a bug in somebody's method" in raised.message
+    assert "Traceback" in raised.detail
+    marker.unlink()
+    again = list(local.execute(jobs[1:2], carry_out, never))
+    assert outcomes(again) == {0: "done"}
+
+
+def test_a_bug_in_one_method_leaves_the_others_alone(tmp_path: Path, shared_cache: Path) -> None:
+    jobs = [make_job(cell_of(method), [0], tmp_path, shared_cache) for method in (Raising, Drifting)]
+    events = list(local.execute(jobs, carry_out, never))
+    assert outcomes(events) == {0: "failed", 1: "done"}
+
+
+def test_missing_data_is_reported_without_a_traceback(tmp_path: Path) -> None:
+    job = Job(cell_of(Drifting), (0,), tmp_path / "out", tmp_path / "cache", "cpu")
+    (ended,) = endings(list(local.execute([job], carry_out, never))).values()
+    assert ended.outcome == "failed"
+    assert "missing" in ended.message
+    assert ended.detail == ""
+
+
+def test_a_job_held_elsewhere_is_busy(tmp_path: Path, shared_cache: Path) -> None:
+    jobs = [make_job(cell_of(Drifting), [seed], tmp_path, shared_cache) for seed in (0, 1)]
+    holder = carry_out(jobs[0], never)
+    next(holder)
+    assert outcomes(list(local.execute(jobs, carry_out, never))) == {0: "busy", 1: "done"}
+    list(holder)
+
+
+def test_a_stop_leaves_the_rest_for_the_next_command(tmp_path: Path, shared_cache: Path) -> None:
+    jobs = [make_job(cell_of(Drifting), [seed], tmp_path, shared_cache) for seed in (0, 1, 2)]
+    events: list[Event] = []
+    for event in local.execute(jobs, carry_out, lambda: any(isinstance(event.what, Advance) for event in events)):
+        events.append(event)
+    assert outcomes(events) == {0: "stopped"}
+    assert outcomes(list(local.execute(jobs, carry_out, never))) == dict.fromkeys(range(3), "done")
+
+
+def crawl(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
+    """Works until it is stopped; says who it is."""
+    (job.out / f"{os.getpid()}.worker").touch()
+    while not stop():
+        time.sleep(0.05)
+        yield Advance("crawling", 0, 1, None)
+
+
+def test_a_stop_reaches_every_worker_and_nothing_stays_behind(tmp_path: Path, shared_cache: Path) -> None:
+    jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1, 2)]
+    seen: set[int] = set()
+    events = []
+    for event in pool.execute(jobs, crawl, 2, lambda: len(seen) == 2):
+        seen.add(event.index)
+        events.append(event)
+    assert outcomes(events) == {0: "stopped", 1: "stopped"}, "the third was not begun"
+    for worker in tmp_path.glob("*.worker"):
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(worker.stem), 0)
