@@ -1,0 +1,119 @@
+"""Which records share a column, and what the column is called."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from lfobench.contract.record import Record, canonical_json
+from lfobench.render.table import Column
+
+
+@dataclass(frozen=True)
+class _Variant:
+    """A method as it was run. Two variants of one method never share a column.
+
+    `config` is empty unless the other fields do not tell the variants apart: a config may follow the task.
+    """
+
+    method: str
+    version: str
+    preset: str
+    options: str
+    config: str = ""
+
+
+def arrange_columns(records: Sequence[Record], methods: Sequence[str] = ()) -> dict[Column, list[Record]]:
+    """Records by column, in table order.
+
+    Methods that see expert actions come first, as in the seed paper; within each group the methods named in
+    `methods` come in that order, the others after them as they first appear.
+
+    A column is labelled by its method alone where that is unique, else ``dilo:paper`` or ``dilo(tau=3)``.
+    """
+    variants = _by_variant(records)
+    labels = _labels(variants)
+    columns = {
+        Column(
+            label=labels[variant],
+            method=variant.method,
+            preset=variant.preset,
+            sees_expert_actions=any(record.labels.sees_expert_actions for record in members),
+        ): members
+        for variant, members in variants.items()
+    }
+    ranks = {method: rank for rank, method in enumerate(methods)}
+    order = sorted(columns, key=lambda column: (not column.sees_expert_actions, ranks.get(column.method, len(ranks))))
+    return {column: columns[column] for column in order}
+
+
+def _by_variant(records: Sequence[Record]) -> dict[_Variant, list[Record]]:
+    configs: dict[tuple[_Variant, str], set[str]] = {}
+    for record in records:
+        configs.setdefault((_variant(record), record.task), set()).add(_config(record))
+    ambiguous = {variant for (variant, _), found in configs.items() if len(found) > 1}
+
+    variants: dict[_Variant, list[Record]] = {}
+    for record in records:
+        variant = _variant(record)
+        if variant in ambiguous:
+            variant = _variant(record, _config(record))
+        variants.setdefault(variant, []).append(record)
+    return variants
+
+
+def _variant(record: Record, config: str = "") -> _Variant:
+    identity = record.identity
+    return _Variant(
+        method=record.method,
+        version=str(identity["method_version"]),
+        preset=str(identity["preset"]),
+        options=canonical_json(identity.get("set", {})),
+        config=config,
+    )
+
+
+def _config(record: Record) -> str:
+    return canonical_json(record.identity["config"])
+
+
+def _labels(variants: Mapping[_Variant, Sequence[Record]]) -> dict[_Variant, str]:
+    labels = {}
+    for variant, members in variants.items():
+        siblings = [other for other in variants if other.method == variant.method]
+        label = " ".join(variant.method.split())
+        if len({other.preset for other in siblings}) > 1:
+            label += f":{variant.preset}"
+        if len({other.version for other in siblings}) > 1:
+            label += f"@{variant.version}"
+        fields = _told_apart_by(variant, members[0].identity, variants)
+        if fields:
+            label += f"({', '.join(f'{field}={canonical_json(value)}' for field, value in fields.items())})"
+        labels[variant] = label
+    return labels
+
+
+def _told_apart_by(
+    variant: _Variant, identity: Mapping[str, Any], variants: Mapping[_Variant, Sequence[Record]]
+) -> dict[str, Any]:
+    """Fields of the config that a variant must show beside the others of its method and preset."""
+    siblings = {
+        other: members[0].identity
+        for other, members in variants.items()
+        if (other.method, other.preset) == (variant.method, variant.preset)
+    }
+    shown = _not_shared(identity.get("set", {}), [other.get("set", {}) for other in siblings.values()])
+    if variant.config:
+        rivals = [other["config"] for sibling, other in siblings.items() if sibling.config]
+        shown |= _not_shared(identity["config"], rivals)
+    return shown
+
+
+def _not_shared(fields: Mapping[str, Any], others: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Fields that some of `others` lack or give another value, as JSON tells values apart (1 is not 1.0)."""
+    return {
+        field: value
+        for field, value in fields.items()
+        if any(field not in other or canonical_json(other[field]) != canonical_json(value) for other in others)
+    }

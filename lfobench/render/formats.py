@@ -1,0 +1,28 @@
+"""The textual formats by name, for ``lfobench table --format NAME``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from lfobench.errors import unknown_name
+from lfobench.render.comma_separated import comma_separated
+from lfobench.render.latex import latex
+from lfobench.render.markdown import markdown
+from lfobench.render.table import Table
+
+FORMATS: dict[str, Callable[[Table], str]] = {
+    "markdown": markdown,
+    "latex": latex,
+    "csv": comma_separated,
+}
+
+
+def export(table: Table, format_name: str) -> str:
+    """`table` in the named format.
+
+    Raises:
+        UserError: there is no such format.
+    """
+    if format_name not in FORMATS:
+        raise unknown_name("format", format_name, FORMATS)
+    return FORMATS[format_name](table)

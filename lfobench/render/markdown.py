@@ -1,0 +1,46 @@
+"""The table in GitHub-flavoured Markdown; highlighted cells are bold."""
+
+from __future__ import annotations
+
+import re
+
+from lfobench.render.cell_text import MISSING, cell_text
+from lfobench.render.table import Cell, Table
+
+EXPERT_ACTIONS = "†"
+
+
+def markdown(table: Table) -> str:
+    """A Markdown table followed by its notes as a list.
+
+    Markdown has no column groups, so methods with access to expert actions carry a dagger instead.
+    """
+    headings = [
+        f"{_escape(column.label)}{f' {EXPERT_ACTIONS}' if column.sees_expert_actions else ''}"
+        for column in table.columns
+    ]
+    lines = [_line(["Dataset", "Task", *headings]), _line([":--", ":--", *["--:"] * len(headings)])]
+    for block in table.blocks:
+        for index, row in enumerate(block.rows):
+            dataset = "" if index else _escape(block.label)
+            lines.append(_line([dataset, _escape(row.label), *(_cell(cell) for cell in row.cells)]))
+    notes = [f"- **{_escape(note.label)}**: {_escape(note.text)}" for note in table.notes]
+    if any(column.sees_expert_actions for column in table.columns):
+        notes.insert(0, f"- {EXPERT_ACTIONS} has access to expert actions")
+    return "\n".join([*lines, "", *notes]) + "\n"
+
+
+def _line(fields: list[str]) -> str:
+    return f"| {' | '.join(fields)} |"
+
+
+def _cell(cell: Cell | None) -> str:
+    if cell is None:
+        return MISSING
+    text = str(cell_text(cell))
+    return f"**{text}**" if cell.highlighted else text
+
+
+def _escape(text: str) -> str:
+    # A "<" before a blank opens no tag; leaving it alone keeps "p < 0.05" readable as source.
+    return re.sub(r"([\\`*_\[\]>|~#&]|<(?! ))", r"\\\1", " ".join(text.split()))

@@ -1,0 +1,1 @@
+"""Aggregates and tests: pure functions of numbers, each with its reference."""

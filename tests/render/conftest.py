@@ -1,0 +1,120 @@
+"""Synthetic records: the same shape as a run leaves, with scores chosen by the test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import pytest
+
+from lfobench.contract.record import Evaluation, Labels, Record, Warning, content_hash
+
+
+def make_record(
+    score: float,
+    method: str = "dilo",
+    seed: int = 0,
+    row: str = "hopper",
+    group: str = "random+expert",
+    *,
+    sees_expert_actions: bool = False,
+    diverged_at: int | None = None,
+    evaluations: int = 5,
+    warnings: Sequence[Warning] = (),
+    **identity: Any,
+) -> Record:
+    """A record whose every episode has the given normalised score; `identity` overrides top-level fields."""
+    fields = {
+        "method": method,
+        "method_version": 1,
+        "preset": "released",
+        "config": {"batch_size": 256, "tau": 0.06},
+        "overrides": {},
+        "set": {},
+        "task": f"{row}-{group.replace('+', '-')}",
+        "environment": {
+            "name": row,
+            "id": f"{row.capitalize()}-v5",
+            "horizon": 1000,
+            "random_return": 0.0,
+            "expert_return": 1000.0,
+            "arguments": {},
+        },
+        "recipe": {
+            "offline": "random",
+            "offline_transitions": 1_000_000,
+            "expert": "expert",
+            "expert_trajectories": 200,
+            "demonstration_rows": 1000,
+        },
+        "source": "generated",
+        "data": {"offline": "a1", "expert": "b2"},
+        "protocol": {
+            "name": "quick",
+            "steps": 20_000,
+            "steps_assigned": False,
+            "evaluation_every": 1000,
+            "evaluation_episodes": 10,
+        },
+        "simulator": {"gymnasium": "1.4.0", "mujoco": "3.3.7"},
+        "seed": seed,
+    } | identity
+    return Record(
+        identity_hash=content_hash(fields),
+        identity=fields,
+        labels=Labels(suite="locomotion", group=group, row=row, sees_expert_actions=sees_expert_actions),
+        status="finished" if diverged_at is None else "diverged",
+        diverged_at=diverged_at,
+        evaluations=[
+            Evaluation(step=1000 * (index + 1), returns=[score * 10.0] * 2, lengths=[1000] * 2)
+            for index in range(evaluations)
+        ],
+        metrics=[],
+        warnings=list(warnings),
+        provenance={},
+    )
+
+
+def make_cell(scores: Iterable[float], method: str = "dilo", **options: Any) -> list[Record]:
+    """One record per score, with seeds 0, 1, 2, …"""
+    return [make_record(score, method, seed, **options) for seed, score in enumerate(scores)]
+
+
+@pytest.fixture(name="make_record")
+def _make_record() -> Callable[..., Record]:
+    return make_record
+
+
+@pytest.fixture(name="make_cell")
+def _make_cell() -> Callable[..., list[Record]]:
+    return make_cell
+
+
+@pytest.fixture
+def example() -> list[Record]:
+    """Two blocks of two tasks, five methods, one diverged seed, one missing cell."""
+    records: list[Record] = []
+    steps = {"random+expert": 300_000, "random+few-expert": 500_000}
+    for group, scale in (("random+expert", 1.0), ("random+few-expert", 0.5)):
+        for row in ("hopper", "halfcheetah"):
+            place: dict[str, Any] = {
+                "row": row,
+                "group": group,
+                "protocol": {
+                    "name": "paper",
+                    "steps": steps[group],
+                    "steps_assigned": False,
+                    "evaluation_every": 5000,
+                    "evaluation_episodes": 10,
+                },
+            }
+            records += make_cell([5.1 * scale, 4.2, 3.9], "bc-expert", sees_expert_actions=True, **place)
+            records += make_cell([45.0 * scale, 50.0, 41.0], "bc", sees_expert_actions=True, **place)
+            if (row, group) != ("halfcheetah", "random+few-expert"):
+                records += make_cell([60.0 * scale, 75.0, 30.0], "oril", **place)
+            records += make_cell([100.0 * scale, 100.6, 99.1], "smodice", **place)
+            records += make_cell([103.2, 97.9, 101.5], "dilo", **place)
+    first = records.index(next(record for record in records if record.method == "smodice"))
+    smodice = records[first]
+    records[first] = smodice.model_copy(update={"status": "diverged", "diverged_at": 12_000})
+    return records

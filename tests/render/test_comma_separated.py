@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+
+import pytest
+
+from lfobench.contract.record import Record
+from lfobench.errors import UserError
+from lfobench.render.building import build_table
+from lfobench.render.comma_separated import FIELDS
+from lfobench.render.formats import FORMATS, export
+
+
+def lines(records: list[Record]) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(export(build_table(records), "csv"))))
+
+
+def test_one_line_per_cell(example: list[Record]) -> None:
+    found = lines(example)
+    assert len(found) == 4 * 5
+    first = next(line for line in found if line["method"] == "smodice")
+    assert tuple(first) == FIELDS
+    assert first | {"mean": "", "std": "", "p": ""} == {
+        "group": "random+expert",
+        "row": "hopper",
+        "task": "hopper-random-expert",
+        "column": "smodice",
+        "method": "smodice",
+        "preset": "released",
+        "sees_expert_actions": "0",
+        "n": "3",
+        "mean": "",
+        "std": "",
+        "highlighted": "1",
+        "p": "",
+        "seeds": "0 1 2",
+        "diverged_seeds": "0",
+        "statistic": "last5",
+        "source": "generated",
+        "protocol": "paper",
+    }
+    assert float(first["mean"]) == pytest.approx((0 + 100.6 + 99.1) / 3)
+
+
+def test_numbers_survive_the_round_trip(make_cell: Callable[..., list[Record]]) -> None:
+    table = build_table(make_cell([1 / 3, 2 / 7, 1e-9]))
+    cell = next(cell for _, _, cell in table.cells())
+    line = next(csv.DictReader(io.StringIO(export(table, "csv"))))
+    assert cell is not None
+    assert (float(line["mean"]), float(line["std"])) == (cell.summary.mean, cell.summary.std)
+
+
+def test_a_missing_cell_has_no_samples(example: list[Record]) -> None:
+    missing = [line for line in lines(example) if line["n"] == "0"]
+    assert [(line["task"], line["method"], line["mean"]) for line in missing] == [
+        ("halfcheetah-random-few-expert", "oril", "")
+    ]
+
+
+def test_what_is_undefined_is_empty(make_record: Callable[..., Record]) -> None:
+    line = lines([make_record(1.0), make_record(2.0, "oril")])[0]
+    assert (line["std"], line["p"]) == ("", "")
+
+
+def test_names_with_commas_and_quotes(make_record: Callable[..., Record]) -> None:
+    assert lines([make_record(1.0, 'a,"b"')])[0]["method"] == 'a,"b"'
+
+
+def test_an_unknown_format_names_the_closest() -> None:
+    with pytest.raises(UserError, match=r"Unknown format 'markdwon'.*'markdown'"):
+        export(None, "markdwon")  # type: ignore[arg-type]
+    assert set(FORMATS) == {"markdown", "latex", "csv"}

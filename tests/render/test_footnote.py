@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from lfobench.contract.record import Record, Warning
+from lfobench.render.building import build_table
+
+
+def notes(records: list[Record], **options: object) -> dict[str, str]:
+    return {note.label: note.text for note in build_table(records, **options).notes}  # type: ignore[arg-type]
+
+
+def test_names_everything_a_reader_needs(example: list[Record]) -> None:
+    text = notes(example)
+    assert text["Source"].startswith("generated.")
+    assert "1,000,000 transitions" in text["Source"]
+    assert "200 expert trajectories" in text["Source"]
+    assert text["Protocol"].startswith("paper: 300,000 or 500,000 gradient steps, batch size 256;")
+    assert "every 5,000 steps an evaluation of 10 episodes" in text["Protocol"]
+    assert "gymnasium 1.4.0, mujoco 3.3.7" in text["Simulator"]
+    assert "Hopper-v5" in text["Simulator"]
+    assert text["Seeds"] == "n = 3 per cell (seeds 0, 1, 2)."
+    assert "mean of the last 5 evaluations" in text["Score"]
+    assert "methods without expert actions" in text["Highlighted"]
+    assert "Welch's two-sided t-test" in text["Highlighted"]
+    assert "p < 0.05" in text["Highlighted"]
+    assert "Correction for multiple comparisons: none" in text["Highlighted"]
+    assert text["Presets"] == "released."
+
+
+def test_says_that_steps_were_assigned(make_cell: Callable[..., list[Record]]) -> None:
+    protocol = {"name": "quick", "steps": 24_000, "evaluation_every": 1000, "evaluation_episodes": 10}
+    records = make_cell([1.0, 2.0], protocol={**protocol, "steps_assigned": True})
+    assert notes(records)["Protocol"].startswith("quick: 24,000 gradient steps (set with --steps), batch size 256;")
+
+
+def test_names_diverged_runs(example: list[Record]) -> None:
+    assert "smodice on hopper-random-expert, seed 0 (step 12,000)" in notes(example)["Diverged"]
+
+
+def test_names_missing_cells(example: list[Record]) -> None:
+    assert "oril on halfcheetah-random-few-expert" in notes(example)["Missing"]
+
+
+def test_says_nothing_of_what_did_not_happen(make_cell: Callable[..., list[Record]]) -> None:
+    text = notes(make_cell([1.0, 2.0]) + make_cell([1.0, 2.0], "oril"))
+    assert not {"Diverged", "Missing", "Set by hand", "Set by protocol quick", "Warning"} & set(text)
+
+
+def test_unequal_n_is_said_and_named(make_cell: Callable[..., list[Record]]) -> None:
+    text = notes(make_cell([1.0, 2.0, 3.0]) + make_cell([1.0, 2.0], "oril"))["Seeds"]
+    assert text == "n = 2 to 3 per cell, unequal. Fewer than 3: oril on hopper-random-expert (2)."
+
+
+def test_unequal_seeds_are_said(make_record: Callable[..., Record]) -> None:
+    records = [make_record(1.0, "dilo", 0), make_record(1.0, "dilo", 1)]
+    records += [make_record(1.0, "oril", 0), make_record(1.0, "oril", 7)]
+    assert "different seeds per cell" in notes(records)["Seeds"]
+
+
+def test_one_seed_is_said_to_be_untestable(make_record: Callable[..., Record]) -> None:
+    text = notes([make_record(9.0, "dilo"), make_record(1.0, "oril")])
+    assert "cannot be tested" in text["Seeds"]
+    assert "Undecided for want of a second seed, both highlighted: every row" in text["Highlighted"]
+
+
+def test_a_method_alone_is_said_to_have_no_rival(make_cell: Callable[..., list[Record]]) -> None:
+    assert "nothing highlighted: every row" in notes(make_cell([1.0, 2.0]))["Highlighted"]
+
+
+def test_the_statistic_is_named_and_best_is_called_optimistic(make_cell: Callable[..., list[Record]]) -> None:
+    assert "last evaluation" in notes(make_cell([1.0]), statistic="last")["Score"]
+    assert "optimistic" in notes(make_cell([1.0]), statistic="best")["Score"]
+
+
+def test_fewer_than_five_evaluations_are_said(make_cell: Callable[..., list[Record]]) -> None:
+    assert "the shortest has 2" in notes(make_cell([1.0, 2.0], evaluations=2))["Score"]
+    assert "shortest" not in notes(make_cell([1.0, 2.0], evaluations=2), statistic="last")["Score"]
+
+
+def test_presets_are_named_per_method(make_record: Callable[..., Record]) -> None:
+    text = notes([make_record(1.0), make_record(1.0, "oril", preset="paper"), make_record(1.0, "bco")])
+    assert text["Presets"] == "released (dilo, bco), paper (oril)."
+
+
+def test_fields_set_by_the_protocol_are_named_per_method(make_record: Callable[..., Record]) -> None:
+    records = [
+        make_record(1.0, overrides={"policy_learning_rate": 1e-3, "value_learning_rate": 3e-4}),
+        make_record(1.0, "oril", overrides={"learning_rate": 1e-3}),
+        make_record(1.0, "bco"),
+    ]
+    assert notes(records)["Set by protocol quick"] == (
+        "dilo: policy_learning_rate = 0.001, value_learning_rate = 0.0003; oril: learning_rate = 0.001."
+    )
+
+
+def test_fields_set_by_hand_are_named_even_for_a_lone_column(make_record: Callable[..., Record]) -> None:
+    assert notes([make_record(1.0, set={"tau": 3})])["Set by hand"] == "dilo: tau = 3."
+
+
+def test_batch_sizes_are_named_per_method(make_record: Callable[..., Record]) -> None:
+    records = [make_record(1.0), make_record(1.0, "oril", config={"batch_size": 512})]
+    assert "batch size 256 (dilo), batch size 512 (oril)" in notes(records)["Protocol"]
+
+
+def test_simulators_that_differ_between_rows_are_all_named(make_record: Callable[..., Record]) -> None:
+    records = [make_record(1.0), make_record(1.0, row="ant", simulator={"gymnasium": "1.4.0", "mujoco": "3.4.0"})]
+    assert "mujoco 3.3.7 or 3.4.0" in notes(records)["Simulator"]
+
+
+def test_warnings_of_runs_reach_the_reader_once(make_cell: Callable[..., list[Record]]) -> None:
+    warning = Warning(what="The last layer is frozen.", remedy="Use --preset repaired.")
+    records = make_cell([1.0, 2.0], warnings=[warning]) + make_cell([1.0, 2.0], "oril", warnings=[warning])
+    warned = [note.text for note in build_table(records).notes if note.label == "Warning"]
+    assert warned == ["The last layer is frozen. Use --preset repaired. (dilo, oril)"]

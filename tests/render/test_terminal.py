@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+
+import pytest
+from rich.console import Console
+
+from lfobench.contract.record import Record
+from lfobench.render.building import build_table
+from lfobench.render.table import Table
+from lfobench.render.terminal import terminal
+
+METHODS = ("bc-expert", "bc", "oril")
+
+EXAMPLE = """\
+                   Access to expert actions              No expert actions
+                   ────────────────────────  ──────────────────────────────────────────
+                     bc-expert           bc         oril          smodice          dilo
+───────────────────────────────────────────────────────────────────────────────────────
+random+expert
+  hopper             4.4 ± 0.6  45.3 ±  4.5  55.0 ± 22.9  66.6 ± 57.7* ✗1  100.9 ± 2.7*
+  halfcheetah        4.4 ± 0.6  45.3 ±  4.5  55.0 ± 22.9  99.9 ±  0.8*     100.9 ± 2.7*
+random+few-expert
+  hopper             3.6 ± 0.9  37.8 ± 14.0  45.0 ± 26.0  83.2 ± 28.8*     100.9 ± 2.7*
+  halfcheetah        3.6 ± 0.9  37.8 ± 14.0     –         83.2 ± 28.8*     100.9 ± 2.7*
+───────────────────────────────────────────────────────────────────────────────────────
+"""
+
+
+def draw(table: Table, width: int = 100, color: bool = False) -> str:
+    console = Console(
+        file=io.StringIO(), width=width, force_terminal=color, color_system="truecolor" if color else None
+    )
+    console.print(terminal(table))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_plain_output(example: list[Record]) -> None:
+    body, _, footnote = draw(build_table(example, methods=METHODS)).partition("\n\n")
+    assert f"{body}\n" == EXAMPLE
+    assert footnote.startswith("Score")
+    assert "Highlighted*" in footnote
+
+
+def test_highlighted_numbers_are_bold(make_cell: Callable[..., list[Record]]) -> None:
+    drawn = draw(build_table(make_cell([90.0, 91.0], "dilo") + make_cell([5.0, 6.0], "oril")), color=True)
+    assert re.search(r"\x1b\[1;32m90\.5 ± 0\.7\x1b\[0m", drawn)
+    assert not re.search(r"\x1b\[1;32m5\.5", drawn)
+    assert "*" not in drawn
+
+
+@pytest.mark.parametrize("width", [50, 60, 80, 100, 200])
+def test_no_line_is_wider_than_the_terminal_and_no_number_is_cut(example: list[Record], width: int) -> None:
+    drawn = draw(build_table(example, methods=METHODS), width)
+    assert max(map(len, drawn.splitlines())) <= width
+    for number in ("4.4 ± 0.6", "45.3 ±  4.5", "55.0 ± 22.9", "66.6 ± 57.7* ✗1", "100.9 ± 2.7*"):
+        assert number in drawn
+
+
+def test_parts_of_a_wide_table_repeat_the_row_labels(example: list[Record]) -> None:
+    *parts, _ = draw(build_table(example), 60).split("\n\n")
+    assert len(parts) > 1
+    for part in parts:
+        labels = [line.split()[0] for line in part.splitlines() if line.startswith("  ") and "±" in line]
+        assert labels == ["hopper", "halfcheetah"] * 2
+
+
+def test_a_single_seed_has_no_spread(make_record: Callable[..., Record]) -> None:
+    drawn = draw(build_table([make_record(-8.9, "dilo"), make_record(-0.04, "oril")]))
+    row = next(line for line in drawn.splitlines() if line.startswith("  hopper"))
+    assert row.split() == ["hopper", "-8.9*", "0.0*"]
+
+
+def test_markup_in_names_is_text(make_record: Callable[..., Record]) -> None:
+    assert "[bold]dilo[/bold]" in draw(build_table([make_record(1.0, "[bold]dilo[/bold]")]))
