@@ -1,0 +1,1 @@
+"""The suites that the benchmark runs: one suite, one file; demonstrators beside them."""
