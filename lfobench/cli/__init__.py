@@ -1,0 +1,46 @@
+"""The command line: parse, call, render. Heavy imports happen inside the commands, so that help is instant."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import typer
+
+from lfobench.cli import data, records, run, show, table
+from lfobench.cli.console import errors
+from lfobench.errors import UserError
+
+app = typer.Typer(
+    name="lfobench",
+    help="Compare offline learning-from-observation methods: train, evaluate, print the table.",
+    epilog="Start with: lfobench run --methods dilo,bc --suite locomotion --tasks 'hopper-random-expert' --dry-run",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command(name="ls")(show.list_names)
+app.command(name="show")(show.show)
+app.add_typer(data.app, name="data")
+app.command(name="run")(run.run)
+app.command(name="status")(records.status)
+app.command(name="why")(records.why)
+app.command(name="table")(table.table)
+
+
+def main() -> None:
+    """Entry point of ``lfobench``: a user's mistake is one line and exit code 2, never a traceback."""
+    # One thread per process: seeds are spread over processes, and a second busy thread only slows the first.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    try:
+        app()
+    except UserError as error:
+        errors.print(f"[bold red]Error:[/] {_escaped(error)}", soft_wrap=True)
+        sys.exit(2)
+
+
+def _escaped(error: UserError) -> str:
+    from rich.markup import escape
+
+    return escape(str(error))

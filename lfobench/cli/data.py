@@ -1,0 +1,69 @@
+"""``lfobench data``: make the generated data, and say what is there."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from lfobench.cli import options
+from lfobench.cli.console import output, print_json
+
+app = typer.Typer(name="data", help="Datasets: build, status.", no_args_is_help=True)
+
+SuiteArgument = Annotated[str, typer.Argument(help="A suite's name.")]
+
+
+@app.command()
+def build(
+    suite: SuiteArgument,
+    tasks: options.Tasks = None,
+    protocol: options.ProtocolName = "auto",
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes. Default: one per core.")] = None,
+) -> None:
+    """Make a suite's generated data once into the cache (LFOBENCH_CACHE overrides where); resumable.
+
+    Example: lfobench data build locomotion --tasks 'hopper-*' --protocol quick
+    """
+    from lfobench.cli import execution, planned
+    from lfobench.cli.run import available_cores
+    from lfobench.data.cache import cache_folder
+    from lfobench.files import writable_folder
+
+    root = writable_folder(cache_folder(), "LFOBENCH_CACHE")
+    shards = planned.shards_of_suite(suite, tasks, protocol, root)
+    stop = execution.StopRequest()
+    with stop.listening():
+        execution.build_data(shards, workers or available_cores(), stop)
+    if stop():
+        output.print("Stopped. The same command continues from here.")
+        raise typer.Exit(execution.INTERRUPTED)
+    if not shards:
+        output.print("Nothing to build: every shard is there.")
+
+
+@app.command()
+def status(
+    suite: SuiteArgument = options.DEFAULT_SUITE,
+    tasks: options.Tasks = None,
+    protocol: options.ProtocolName = "auto",
+    as_json: options.Json = False,
+) -> None:
+    """What each task of a suite needs and how much of it is in the cache.
+
+    Example: lfobench data status locomotion --protocol paper
+    """
+    from rich.table import Table
+
+    from lfobench.cli import planned
+    from lfobench.data.cache import cache_folder
+
+    rows = planned.data_status(suite, tasks, protocol, cache_folder())
+    if as_json:
+        print_json(rows)
+        return
+    table = Table("task", "part", "transitions", "shards", "folder", title="Generated data", title_style="bold")
+    for row in rows:
+        there = f"{row['shards_present']}/{row['shards']}"
+        table.add_row(row["task"], row["part"], f"{row['transitions']:,}", there, row["folder"])
+    output.print(table)

@@ -1,0 +1,29 @@
+"""Options that several commands share, with one meaning each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Methods = Annotated[str, typer.Option(help="Comma-separated methods, e.g. dilo,smodice. See 'lfobench ls methods'.")]
+SuiteName = Annotated[str, typer.Option("--suite", help="A suite's name, or the path of a file that defines SUITE.")]
+Tasks = Annotated[str | None, typer.Option(help="Comma-separated globs over the suite's tasks, e.g. 'hopper-*'.")]
+Seeds = Annotated[str | None, typer.Option(help="Numbers and ranges, e.g. 0-6. Default: the protocol's.")]
+ProtocolName = Annotated[
+    str, typer.Option("--protocol", help="paper, quick, demo, smoke, or auto: paper on a CUDA device, quick on a CPU.")
+]
+Steps = Annotated[int | None, typer.Option(min=1, help="Gradient steps, in place of the protocol's own number.")]
+Preset = Annotated[str, typer.Option(help="released (the authors' code) or paper (what the paper says).")]
+Assignments = Annotated[
+    list[str] | None, typer.Option("--set", help="METHOD.FIELD=VALUE, repeatable, e.g. --set dilo.tau=3.")
+]
+Source = Annotated[str, typer.Option(help="Where data comes from: generated.")]
+Device = Annotated[str, typer.Option(help="auto, cpu or cuda.")]
+Out = Annotated[Path, typer.Option(help="Folder of the records.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
+
+DEFAULT_METHODS = "dilo,smodice,oril,bco,bc"
+DEFAULT_SUITE = "locomotion"
+DEFAULT_OUT = Path("runs")

@@ -1,0 +1,92 @@
+"""``lfobench status`` and ``lfobench why``: what the records hold, and why a run is reused or runs again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lfobench.cli import options
+from lfobench.cli.console import errors, output, print_json
+from lfobench.cli.run import request, resolve
+
+
+def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False) -> None:
+    """What is in a folder of records: seeds done per cell, diverged seeds, runs in progress.
+
+    Example: lfobench status --out runs
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    from lfobench.store.folder import RecordFolder
+
+    folder = RecordFolder(out)
+    read = folder.read_all()
+    cells: dict[tuple[str, ...], dict[str, list[int]]] = {}
+    for record in read.records:
+        identity = record.identity
+        key = (record.task, record.method, str(identity["preset"]), str(identity["protocol"]["name"]))
+        cells.setdefault(key, {"finished": [], "diverged": []})[record.status].append(record.seed)
+    checkpoints = len(list((out / "checkpoints").glob("*.safetensors")))
+    rows = [
+        dict(zip(("task", "method", "preset", "protocol"), key, strict=True))
+        | {name: sorted(seeds) for name, seeds in found.items()}
+        for key, found in sorted(cells.items())
+    ]
+    warn(read.warnings)
+    if as_json:
+        print_json({"cells": rows, "runs_in_progress": checkpoints})
+        return
+    table = Table("task", "method", "preset", "protocol", "seeds finished", "seeds diverged")
+    for row in rows:
+        table.add_row(*(escape(_cell(value)) for value in row.values()))
+    output.print(table)
+    output.print(f"{len(read.records)} records, {checkpoints} runs interrupted or in progress")
+
+
+def why(
+    methods: options.Methods = options.DEFAULT_METHODS,
+    suite: options.SuiteName = options.DEFAULT_SUITE,
+    tasks: options.Tasks = None,
+    seeds: options.Seeds = None,
+    protocol: options.ProtocolName = "auto",
+    steps: options.Steps = None,
+    preset: options.Preset = "released",
+    assign: options.Assignments = None,
+    source: options.Source = "generated",
+    device: options.Device = "auto",
+    out: options.Out = options.DEFAULT_OUT,
+    as_json: options.Json = False,
+) -> None:
+    """For every run that a command line names: reused, or run again, and which fields of the identity decide it.
+
+    Example: lfobench why --methods dilo --tasks hopper-random-expert --set dilo.tau=3
+    """
+    from rich.markup import escape
+
+    from lfobench.store.explain import explain
+    from lfobench.store.folder import RecordFolder, RecordsRead
+
+    plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps))
+    read = RecordFolder(out).read_all() if out.exists() else RecordsRead()
+    warn(read.warnings)
+    explanations = [explain(run, read.records) for run in plan.runs]
+    if as_json:
+        print_json([explanation.as_json() for explanation in explanations])
+        return
+    for explanation in explanations:
+        colour = "green" if explanation.reused else "yellow"
+        output.print(f"[{colour}]{escape(explanation.headline)}[/]", soft_wrap=True)
+        for difference in explanation.differences:
+            output.print(f"    {escape(difference)}", soft_wrap=True)
+
+
+def warn(warnings: Any) -> None:
+    """Print warnings on standard error."""
+    from rich.markup import escape
+
+    for warning in warnings:
+        errors.print(f"[yellow]Warning:[/] {escape(warning.what)} {escape(warning.remedy)}", soft_wrap=True)
+
+
+def _cell(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

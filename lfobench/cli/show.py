@@ -1,0 +1,195 @@
+"""``lfobench ls`` and ``lfobench show``: what there is, and what one thing is."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lfobench.cli import options
+from lfobench.cli.console import output, print_json
+
+if TYPE_CHECKING:
+    from lfobench.contract.method import Method
+    from lfobench.contract.suite import Task
+    from lfobench.plan.protocol import Protocol
+
+
+class Kind(StrEnum):
+    """What ``ls`` lists."""
+
+    methods = "methods"
+    suites = "suites"
+    tasks = "tasks"
+    protocols = "protocols"
+
+
+def list_names(
+    kind: Annotated[Kind, typer.Argument(help="methods, suites, tasks or protocols.")],
+    suite: options.SuiteName = options.DEFAULT_SUITE,
+    as_json: options.Json = False,
+) -> None:
+    """List what is registered, built in or from other packages.
+
+    Example: lfobench ls tasks --suite locomotion
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    rows = {
+        Kind.methods: _methods,
+        Kind.suites: _suites,
+        Kind.tasks: lambda: _tasks(suite),
+        Kind.protocols: _protocols,
+    }[kind]()
+    if as_json:
+        print_json(rows)
+        return
+    table = Table()
+    for column, header in enumerate(rows[0]):
+        table.add_column(header, no_wrap=column == 0)
+    for row in rows:
+        table.add_row(*(escape(str(value)) for value in row.values()))
+    output.print(table)
+
+
+def _methods() -> list[dict[str, Any]]:
+    from lfobench.registry import load_method, method_names
+
+    return [
+        {
+            "name": name,
+            "expert actions": "yes" if (method := load_method(name)).access_to_expert_actions else "no",
+            "presets": ", ".join(method.presets),
+            "summary": _first_line(method),
+        }
+        for name in method_names()
+    ]
+
+
+def _suites() -> list[dict[str, Any]]:
+    from lfobench.registry import load_suite, suite_names
+
+    suites = [load_suite(name) for name in suite_names()]
+    return [{"name": suite.name, "tasks": len(suite.tasks), "summary": suite.summary} for suite in suites]
+
+
+def _tasks(suite: str) -> list[dict[str, Any]]:
+    from lfobench.registry import load_suite
+
+    return [
+        {
+            "name": task.name,
+            "environment": task.environment.id,
+            "offline": f"{task.recipe.offline_transitions:,} {task.recipe.offline}",
+            "expert trajectories": task.recipe.expert_trajectories,
+            "paper steps": f"{task.paper_steps:,}",
+        }
+        for task in load_suite(suite).tasks
+    ]
+
+
+def _protocols() -> list[dict[str, Any]]:
+    from lfobench.plan.protocol import PROTOCOLS
+
+    return [{"name": protocol.name, "summary": protocol.summary} for protocol in PROTOCOLS.values()]
+
+
+def show(
+    name: Annotated[str, typer.Argument(help="A method, suite, task or protocol.")],
+    suite: options.SuiteName = options.DEFAULT_SUITE,
+    protocol: options.ProtocolName = "auto",
+    as_json: options.Json = False,
+) -> None:
+    """Everything about one name: a method's fields and presets, a task's recipe and manifest, a protocol.
+
+    Example: lfobench show dilo
+    """
+    from lfobench.errors import unknown_name
+    from lfobench.plan.protocol import PROTOCOLS
+    from lfobench.registry import load_method, load_suite, method_names, suite_names
+
+    tasks = {task.name: task for task in load_suite(suite).tasks}
+    if name in method_names():
+        _show_method(load_method(name), as_json)
+    elif name in tasks:
+        _show_task(suite, tasks[name], protocol, as_json)
+    elif name in PROTOCOLS:
+        _show_fields(PROTOCOLS[name], as_json)
+    elif name in suite_names():
+        list_names(Kind.tasks, name, as_json)
+    else:
+        raise unknown_name("name", name, [*method_names(), *tasks, *PROTOCOLS, *suite_names()])
+
+
+def _show_method(method: type[Method], as_json: bool) -> None:
+    from rich.table import Table
+
+    rows = []
+    for field, info in method.Config.model_fields.items():
+        row: dict[str, Any] = {"field": field}
+        row |= {preset: changes.get(field, info.default) for preset, changes in method.presets.items()}
+        row |= {budget: changes.get(field, "") for budget, changes in method.budgets.items()}
+        rows.append(row)
+    descriptions = {field: info.description for field, info in method.Config.model_fields.items()}
+    if as_json:
+        print_json({"method": method.name, "fields": rows, "descriptions": descriptions})
+        return
+    output.print(f"[bold]{method.name}[/] (version {method.version}): {_first_line(method)}", soft_wrap=True)
+    table = Table(caption="The presets, then what a protocol changes for its budget. Bold: the presets differ.")
+    for column, header in enumerate(rows[0]):
+        table.add_column(header, no_wrap=column == 0)
+    for row in rows:
+        differ = len({str(row[preset]) for preset in method.presets}) > 1
+        table.add_row(*(str(value) for value in row.values()), style="bold" if differ else None)
+    output.print(table)
+    for field, description in descriptions.items():
+        output.print(f"[bold]{field}[/]: {description}", soft_wrap=True)
+
+
+def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> None:
+    import torch
+
+    from lfobench.cli import planned
+    from lfobench.data.cache import cache_folder
+    from lfobench.data.source import load_task, manifest
+    from lfobench.plan.planning import choose_protocol
+    from lfobench.registry import load_suite
+
+    protocol = choose_protocol(protocol_name, "cuda" if torch.cuda.is_available() else "cpu")[0]
+    recipe = protocol.recipe_for(task)
+    status = planned.data_status(suite, task.name, protocol.name, cache_folder())
+    complete = all(row["shards_present"] == row["shards"] for row in status)
+    counted = manifest(load_task(cache_folder(), load_suite(suite), task, recipe)) if complete else None
+    if as_json:
+        print_json({"task": planned.plain(task), "recipe": planned.plain(recipe), "manifest": planned.plain(counted)})
+        return
+    environment = task.environment
+    output.print(f"[bold]{task.name}[/]: {environment.id}, {environment.horizon} steps per episode")
+    output.print(f"score 0 = return {environment.random_return:g}, score 100 = return {environment.expert_return:g}")
+    output.print(
+        f"recipe ({protocol.name}): {recipe.offline_transitions:,} {recipe.offline} transitions + "
+        f"{recipe.expert_trajectories} {recipe.expert} trajectories; {protocol.steps_for(task):,} steps",
+        soft_wrap=True,
+    )
+    if counted is None:
+        output.print(f"data not built yet: lfobench data build {suite} --tasks {task.name}", soft_wrap=True)
+        return
+    for line in counted.sentences():
+        output.print(line, soft_wrap=True)
+
+
+def _show_fields(protocol: Protocol, as_json: bool) -> None:
+    from lfobench.cli import planned
+
+    fields = planned.plain(protocol)
+    if as_json:
+        print_json(fields)
+        return
+    for name, value in fields.items():
+        output.print(f"{name:24} {'from the task' if value is None else value}")
+
+
+def _first_line(described: type) -> str:
+    return (described.__doc__ or "").strip().splitlines()[0]

@@ -1,0 +1,367 @@
+"""What a user types and what comes back, in this process; one smoke comparison of every method on hopper."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from filelock import FileLock
+from helpers_cli import InProcess, assert_refused
+from helpers_engine import HOPPER_TASK, TINY, smoke_cell
+from safetensors.numpy import load_file
+
+from lfobench.cli import app
+from lfobench.plan.protocol import PROTOCOLS
+from lfobench.registry import load_suite, method_names
+from lfobench.store.folder import RecordFolder
+
+METHODS = "dilo,smodice,oril,bco,bc,bc-expert"
+SMOKE = ("--methods", METHODS, "--tasks", HOPPER_TASK, "--protocol", "smoke", "--seeds", "0-1")
+TINY_SMOKE = ("--suite", TINY, "--tasks", "pole-random-expert", "--protocol", "smoke", "--seeds", "0")
+
+
+@pytest.fixture
+def compared(shared_cache: Path, lfobench_command: InProcess) -> Path:
+    """The records of the comparison, made by the first test that asks; read-only."""
+    records = shared_cache.parent / "compared"
+    with FileLock(shared_cache.parent / "compared.lock"):
+        if not records.exists():
+            making = shared_cache.parent / "compared-in-the-making"
+            outcome = lfobench_command("run", *SMOKE, "--workers", "1", "--out", making)
+            assert outcome.code == 0, outcome
+            making.rename(records)
+    return records
+
+
+# --- the whole way ---------------------------------------------------------------------------------------------------
+
+
+def test_run_leaves_a_record_per_run_and_nothing_else(compared: Path) -> None:
+    read = RecordFolder(compared).read_all()
+    assert read.warnings == []
+    assert sorted((record.method, record.seed) for record in read.records) == sorted(
+        (method, seed) for method in METHODS.split(",") for seed in (0, 1)
+    )
+    assert all(record.status == "finished" for record in read.records)
+    assert {path.suffix for path in compared.rglob("*") if path.is_file()} == {".json"}
+
+
+def test_the_same_command_does_nothing_again(compared: Path, lfobench_command: InProcess) -> None:
+    before = {path: path.stat().st_mtime_ns for path in compared.rglob("*")}
+    outcome = lfobench_command("run", *SMOKE, "--workers", "1", "--out", compared)
+    assert outcome.code == 0
+    assert "nothing" in outcome.out
+    assert {path: path.stat().st_mtime_ns for path in compared.rglob("*")} == before
+
+
+def test_why_says_reused(compared: Path, lfobench_command: InProcess) -> None:
+    outcome = lfobench_command("why", *SMOKE, "--out", compared)
+    assert outcome.code == 0
+    assert outcome.out.count("reused") == 12
+    answers = json.loads(lfobench_command("why", *SMOKE, "--out", compared, "--json").out)
+    assert [answer["reused"] for answer in answers] == [True] * 12
+
+
+def test_why_names_the_fields_that_make_it_run_again(compared: Path, lfobench_command: InProcess) -> None:
+    command = ("why", *SMOKE, "--set", "dilo.tau=3", "--out", compared)
+    answers = json.loads(lfobench_command(*command, "--json").out)
+    assert [answer["reused"] for answer in answers] == [False] * 2 + [True] * 10
+    assert answers[0]["differences"] == ["config.tau: 0.06 -> 3.0", "set.tau: absent -> 3.0"]
+    assert "config.tau: 0.06 -> 3.0" in lfobench_command(*command).out
+
+
+def test_the_plan_counts_what_is_done(compared: Path, lfobench_command: InProcess) -> None:
+    command = ("run", *SMOKE[:-1], "0-2", "--out", compared, "--dry-run", "--json")
+    plan = json.loads(lfobench_command(*command).out)
+    assert sum(run["done"] for run in plan["runs"]) == 12
+    assert len(plan["runs"]) == 18
+    assert plan["protocol"] == "smoke"
+    assert plan["estimated_seconds"] > 0
+
+
+def test_status_counts_seeds(compared: Path, lfobench_command: InProcess) -> None:
+    status = json.loads(lfobench_command("status", "--out", compared, "--json").out)
+    assert {(cell["method"], tuple(cell["finished"]), tuple(cell["diverged"])) for cell in status["cells"]} == {
+        (method, (0, 1), ()) for method in METHODS.split(",")
+    }
+    assert status["runs_in_progress"] == 0
+    assert "12 records" in lfobench_command("status", "--out", compared).out
+
+
+def terminal(text: str) -> None:
+    assert "─" in text
+
+
+def markdown(text: str) -> None:
+    assert "|---" in text.replace(" ", "") or "|:--" in text.replace(" ", "")
+
+
+def latex(text: str) -> None:
+    assert "\\begin{tabular" in text
+    assert text.count("{") == text.count("}")
+
+
+def comma_separated(text: str) -> None:
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert {row["method"] for row in rows} == set(METHODS.split(","))
+
+
+@pytest.mark.parametrize(
+    ("format_name", "check"),
+    [("terminal", terminal), ("markdown", markdown), ("latex", latex), ("csv", comma_separated)],
+)
+@pytest.mark.parametrize("statistic", ["last5", "last", "best"])
+def test_table(
+    format_name: str, check: Callable[[str], None], statistic: str, compared: Path, lfobench_command: InProcess
+) -> None:
+    outcome = lfobench_command("table", "--out", compared, "--format", format_name, "--stat", statistic)
+    assert outcome.code == 0
+    assert outcome.err == ""
+    check(outcome.out)
+    for method in METHODS.split(","):
+        assert method in outcome.out
+    if format_name != "csv":
+        assert "smoke" in outcome.out, "the footnote names the protocol"
+        assert "mujoco" in outcome.out.lower()
+
+
+def test_table_of_some_methods(compared: Path, lfobench_command: InProcess) -> None:
+    rows = csv.DictReader(
+        io.StringIO(lfobench_command("table", "--out", compared, "--methods", "bc,dilo", "--format", "csv").out)
+    )
+    assert {row["method"] for row in rows} == {"bc", "dilo"}
+
+
+def test_a_foreign_file_is_named_and_skipped(compared: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
+    folder = tmp_path / "runs"
+    shutil.copytree(compared, folder)
+    stranger = folder / "records" / "package.json"
+    stranger.write_text('{"name": "not ours"}', encoding="utf-8")
+    for command in (("table",), ("status",), ("why", *SMOKE)):
+        outcome = lfobench_command(*command, "--out", folder)
+        assert outcome.code == 0
+        assert "Warning" in outcome.err
+        assert str(stranger) in outcome.err
+    assert json.loads(lfobench_command("status", "--json", "--out", folder).out)["cells"]
+
+
+def test_a_dry_run_writes_nothing(tmp_path: Path, lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LFOBENCH_CACHE", str(tmp_path / "cache"))
+    outcome = lfobench_command("run", *SMOKE, "--out", tmp_path / "runs", "--dry-run")
+    assert outcome.code == 0
+    assert "12 of 12 runs" in outcome.out
+    assert "2 shards" in outcome.out
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- names -----------------------------------------------------------------------------------------------------------
+
+
+def test_lists(lfobench_command: InProcess) -> None:
+    listed = {kind: json.loads(lfobench_command("ls", kind, "--json").out) for kind in ("methods", "suites", "tasks")}
+    assert [row["name"] for row in listed["methods"]] == method_names()
+    assert "locomotion" in [row["name"] for row in listed["suites"]]
+    assert [row["name"] for row in listed["tasks"]] == [task.name for task in load_suite("locomotion").tasks]
+    protocols = json.loads(lfobench_command("ls", "protocols", "--json").out)
+    assert [row["name"] for row in protocols] == list(PROTOCOLS)
+    for kind in ("methods", "suites", "tasks", "protocols"):
+        assert lfobench_command("ls", kind).code == 0
+
+
+@pytest.mark.parametrize("name", [*method_names(), *PROTOCOLS, "locomotion", HOPPER_TASK])
+def test_show(name: str, lfobench_command: InProcess) -> None:
+    outcome = lfobench_command("show", name, "--protocol", "smoke")
+    assert outcome.code == 0
+    assert outcome.out.strip()
+    assert json.loads(lfobench_command("show", name, "--protocol", "smoke", "--json").out)
+
+
+def test_show_of_a_method_documents_every_field(lfobench_command: InProcess) -> None:
+    text = lfobench_command("show", "dilo").out
+    for field, info in type(smoke_cell("dilo").config).model_fields.items():
+        assert field in text
+        assert info.description
+        assert info.description in text
+
+
+def test_a_suite_by_path(tmp_path: Path, lfobench_command: InProcess) -> None:
+    outcome = lfobench_command("run", "--methods", "bc", *TINY_SMOKE, "--workers", "1", "--out", tmp_path / "runs")
+    assert outcome.code == 0
+    rows = json.loads(lfobench_command("ls", "tasks", "--suite", TINY, "--json").out)
+    assert [row["name"] for row in rows] == ["pole-random-expert", "pole-medium-expert"]
+    table = lfobench_command("table", "--out", tmp_path / "runs", "--format", "csv", "--suite", TINY)
+    assert table.code == 0
+    assert "pole" in table.out
+
+
+def test_data_status_and_build(tmp_path: Path, lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LFOBENCH_CACHE", str(tmp_path / "cache"))
+    chosen = (TINY, "--protocol", "smoke", "--tasks", "pole-random-expert")
+    before = json.loads(lfobench_command("data", "status", *chosen, "--json").out)
+    assert [(row["shards"], row["shards_present"]) for row in before] == [(1, 0), (1, 0)]
+    assert not (tmp_path / "cache").exists()
+    assert lfobench_command("data", "build", *chosen, "--workers", "1").code == 0
+    after = json.loads(lfobench_command("data", "status", *chosen, "--json").out)
+    assert [row["shards_present"] for row in after] == [1, 1]
+    again = lfobench_command("data", "build", *chosen)
+    assert again.code == 0
+    assert "Nothing to build" in again.out
+
+
+def command_paths() -> list[tuple[str, ...]]:
+    from typer.main import get_command
+
+    found: list[tuple[str, ...]] = []
+
+    def descend(command: Any, path: tuple[str, ...]) -> None:
+        if subcommands := getattr(command, "commands", None):
+            for name, subcommand in subcommands.items():
+                descend(subcommand, (*path, name))
+        else:
+            found.append(path)
+
+    descend(get_command(app), ())
+    return found
+
+
+@pytest.mark.parametrize("path", command_paths(), ids=" ".join)
+def test_every_command_has_an_example(path: tuple[str, ...], lfobench_command: InProcess) -> None:
+    outcome = lfobench_command(*path, "--help")
+    assert outcome.code == 0
+    assert "Example: lfobench" in outcome.out
+
+
+def test_help_lists_every_command(lfobench_command: InProcess) -> None:
+    text = lfobench_command("--help").out
+    assert {path[0] for path in command_paths()} == {"ls", "show", "data", "run", "status", "why", "table"}
+    for path in command_paths():
+        assert path[0] in text
+
+
+# --- mistakes --------------------------------------------------------------------------------------------------------
+
+MISTAKES: list[tuple[tuple[str, ...], tuple[str, ...]]] = [
+    (("--methods", "dillo"), ("dillo", "Did you mean 'dilo'")),
+    (("--suite", "locomotoin"), ("locomotoin", "Did you mean 'locomotion'")),
+    (("--suite", "absent.py"), ("absent.py",)),
+    (("--tasks", "hopper-random-exprt"), ("hopper-random-exprt", "Did you mean 'hopper-random-expert'")),
+    (("--protocol", "quik"), ("quik", "Did you mean 'quick'")),
+    (("--preset", "relesed"), ("relesed", "Did you mean 'released'")),
+    (("--source", "d4lr"), ("d4lr", "generated")),
+    (("--device", "gpu"), ("gpu",)),
+    (("--seeds", "7-3"), ("7-3", "--seeds 0-6")),
+    (("--seeds", "many"), ("many", "--seeds 0-6")),
+    (("--set", "dilo.tua=3"), ("tua", "Did you mean 'tau'")),
+    (("--set", "dilo.tau=warm"), ("dilo.tau", "warm", "number")),
+    (("--set", "dilo.tau=Infinity"), ("dilo.tau",)),
+    (("--set", "dilo.hidden=[0]"), ("dilo.hidden",)),
+    (("--set", "dilo.batch_size=true"), ("dilo.batch_size",)),
+    (("--set", "tau=3"), ("tau=3", "METHOD.FIELD=VALUE")),
+    (("--set", "bc.tau=3"), ("bc",)),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), MISTAKES, ids=lambda value: " ".join(value) if value else "")
+@pytest.mark.parametrize("command", ["run", "why"])
+def test_a_mistake_is_one_line_and_writes_nothing(
+    command: str,
+    options: tuple[str, ...],
+    words: tuple[str, ...],
+    tmp_path: Path,
+    lfobench_command: InProcess,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("LFOBENCH_CACHE", str(tmp_path / "cache"))
+    given = {"--methods": "dilo", "--tasks": HOPPER_TASK, "--protocol": "smoke", "--seeds": "0"}
+    if options[0] == "--suite":
+        given.pop("--tasks")
+    given |= {options[0]: options[1]}
+    outcome = lfobench_command(command, *(part for pair in given.items() for part in pair), "--out", tmp_path / "runs")
+    assert_refused(outcome, *words)
+    assert outcome.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("show", "dillo"), ("dillo", "Did you mean 'dilo'")),
+        (("show", "dilo", "--suite", "locomotoin"), ("locomotoin", "locomotion")),
+        (("show", HOPPER_TASK, "--protocol", "quik"), ("quik", "quick")),
+        (("ls", "tasks", "--suite", "locomotoin"), ("locomotoin", "locomotion")),
+        (("data", "status", "locomotoin"), ("locomotoin", "locomotion")),
+        (("data", "status", "locomotion", "--tasks", "nope"), ("nope",)),
+        (("data", "build", "locomotion", "--tasks", HOPPER_TASK, "--protocol", "quik"), ("quik", "quick")),
+        (("table", "--out", "/nowhere/at/all"), ("/nowhere/at/all", "lfobench run")),
+        (("status", "--out", "/nowhere/at/all"), ("/nowhere/at/all", "lfobench run")),
+    ],
+)
+def test_mistakes_in_other_commands(
+    arguments: tuple[str, ...], words: tuple[str, ...], lfobench_command: InProcess
+) -> None:
+    assert_refused(lfobench_command(*arguments), *words)
+
+
+@pytest.mark.parametrize("option", ["--suite", "--protocol", "--preset", "--source", "--methods"])
+def test_a_filter_that_leaves_no_record_says_so(option: str, compared: Path, lfobench_command: InProcess) -> None:
+    """The folder is full of records: 'run first' would be the wrong way out."""
+    outcome = lfobench_command("table", "--out", compared, option, "nonesuch")
+    assert_refused(outcome)
+    assert "lfobench run" not in outcome.err
+
+
+@pytest.mark.parametrize(
+    "command", [("ls", "nonsense"), ("run", "--workers", "0"), ("runn",), ("table", "--alpha", "2")]
+)
+def test_usage_mistakes(command: tuple[str, ...], lfobench_command: InProcess) -> None:
+    outcome = lfobench_command(*command)
+    assert outcome.code == 2
+    assert "Traceback" not in outcome.err
+
+
+def test_an_output_folder_that_cannot_be_written(tmp_path: Path, lfobench_command: InProcess) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    out = tmp_path / "file" / "runs"
+    outcome = lfobench_command("run", "--methods", "bc", *TINY_SMOKE, "--workers", "1", "--out", out)
+    assert_refused(outcome, str(out), "--out")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("command", [("run", "--methods", "bc", *TINY_SMOKE), ("data", "build", TINY)])
+def test_a_cache_that_cannot_be_written(
+    command: tuple[str, ...], tmp_path: Path, lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    monkeypatch.setenv("LFOBENCH_CACHE", str(tmp_path / "file" / "cache"))
+    out = ("--out", str(tmp_path / "runs")) if command[0] == "run" else ("--protocol", "smoke")
+    outcome = lfobench_command(*command, "--workers", "1", *out)
+    assert_refused(outcome, str(tmp_path / "file" / "cache"))
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("damage", ["truncated", "altered"])
+def test_a_damaged_cache(
+    damage: str, tmp_path: Path, lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One line, exit code 2, nothing written; the line's own commands mend it."""
+    monkeypatch.setenv("LFOBENCH_CACHE", str(tmp_path / "cache"))
+    chosen = ("--suite", TINY, "--tasks", "pole-random-expert", "--protocol", "smoke")
+    assert lfobench_command("data", "build", TINY, *chosen[2:], "--workers", "1").code == 0
+    shard = next((tmp_path / "cache").rglob("*-random-*/*.safetensors"))
+    content, arrays = shard.read_bytes(), load_file(shard)
+    shard.write_bytes(content[:-64] if damage == "truncated" else content[:-64] + bytes(64))
+    command = ("run", "--methods", "bc,dilo", *chosen, "--seeds", "0", "--workers", "1", "--out", tmp_path / "runs")
+    outcome = lfobench_command(*command)
+    assert_refused(outcome, str(shard), f"lfobench data build {TINY}")
+    assert not (tmp_path / "runs").exists()
+    shard.unlink()
+    assert lfobench_command("data", "build", TINY, *chosen[2:], "--workers", "1").code == 0
+    rebuilt = load_file(shard)
+    assert all(np.array_equal(rebuilt[name], arrays[name]) for name in arrays), "rebuilt as it was"

@@ -1,0 +1,189 @@
+"""The command as a process of its own: start-up, foreign folders, plug-ins, Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+from helpers_cli import arguments, environment, process
+from helpers_engine import TINY, finish, make_job, records_of, smoke_cell
+
+from lfobench.engine.job import Job
+from lfobench.files import TEMPORARY_SUFFIX
+from lfobench.store.folder import RecordFolder
+
+pytestmark = pytest.mark.slow
+
+TASK = ("--tasks", "pole-random-expert", "--protocol", "smoke")
+CONSOLE_SCRIPT = [str(Path(sys.executable).with_name("lfobench"))]
+HEAVY = ("torch", "scipy", "pandas", "gymnasium", "mujoco", "safetensors", "methods", "suites")
+
+
+def test_help_loads_nothing_heavy() -> None:
+    script = (
+        "import sys\n"
+        "from lfobench.cli import main\n"
+        "commands = [[], ['ls'], ['show'], ['run'], ['status'], ['why'], ['table'], ['data'], ['data', 'build']]\n"
+        "for command in commands:\n"
+        "    sys.argv = ['lfobench', *command, '--help']\n"
+        "    try:\n        main()\n"
+        "    except SystemExit as ended:\n        assert not ended.code\n"
+        f"print('loaded:', [name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    assert "loaded: []" in process([sys.executable, "-c", script]).out
+
+
+# --- folders and packages of somebody else's -------------------------------------------------------------------------
+
+
+@pytest.fixture
+def hostile_folder(tmp_path: Path) -> Path:
+    """A working folder whose names are ours."""
+    for name in ("methods", "suites"):
+        package = tmp_path / "work" / name
+        package.mkdir(parents=True)
+        (package / "__init__.py").write_text("raise RuntimeError('the wrong package')", encoding="utf-8")
+    return tmp_path / "work"
+
+
+@pytest.fixture
+def plug_in(tmp_path: Path) -> Path:
+    """What pip leaves of a package that registers a method and a suite."""
+    site = tmp_path / "site"
+    metadata = site / "somebody-1.0.dist-info"
+    metadata.mkdir(parents=True)
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: somebody\nVersion: 1.0\n", encoding="utf-8")
+    (metadata / "entry_points.txt").write_text(
+        "[lfobench.methods]\ndrifting = somebody.theirs:Drifting\n\n[lfobench.suites]\ntiny = somebody.poles:SUITE\n",
+        encoding="utf-8",
+    )
+    package = site / "somebody"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    here = Path(TINY).parent
+    shutil.copy(TINY, package / "poles.py")
+    source = (here / "helpers_engine.py").read_text(encoding="utf-8")
+    head, tail = (
+        source[: source.index("TINY = ")],
+        source[source.index("class FakeConfig") : source.index("class Silent")],
+    )
+    kept = [line for line in head.splitlines() if "tiny_suite" not in line]
+    (package / "theirs.py").write_text("\n".join(kept) + "\n\n\n" + tail, encoding="utf-8")
+    return site
+
+
+@pytest.mark.parametrize("command", [CONSOLE_SCRIPT, arguments()], ids=["script", "module"])
+def test_a_folder_with_our_names_does_not_matter(command: list[str], hostile_folder: Path) -> None:
+    outcome = process([*command, "ls", "methods", "--json"], cwd=hostile_folder)
+    assert outcome.code == 0, outcome.err
+    assert {"dilo", "bc"} <= {row["name"] for row in json.loads(outcome.out)}
+
+
+def test_a_plug_in_runs_in_a_pool_in_a_hostile_folder(hostile_folder: Path, plug_in: Path, shared_cache: Path) -> None:
+    """Its method and suite stand beside the built-in ones; worker processes find them too."""
+    env = {"PYTHONPATH": str(plug_in), "LFOBENCH_CACHE": str(shared_cache)}
+    run = ("run", "--methods", "drifting,bc", "--suite", "tiny", *TASK, "--seeds", "0", "--workers", "2")
+    outcome = process([*arguments(*run), "--out", "runs"], cwd=hostile_folder, env=env)
+    assert outcome.code == 0, outcome
+    records = RecordFolder(hostile_folder / "runs").read_all().records
+    assert sorted(record.method for record in records) == ["bc", "drifting"]
+    table = process([*CONSOLE_SCRIPT, "table", "--out", "runs"], cwd=hostile_folder, env=env)
+    assert table.code == 0, table.err
+    assert "drifting" in table.out
+
+
+@pytest.mark.parametrize("safe_path", ["", "1"], ids=["plain", "safe-path"])
+def test_a_plug_in_is_listed(safe_path: str, plug_in: Path) -> None:
+    """Also with PYTHONSAFEPATH, where the first entry of the path is not the current folder but the plug-in's."""
+    env = {"PYTHONPATH": str(plug_in), "PYTHONSAFEPATH": safe_path}
+    outcome = process(arguments("ls", "methods", "--json"), env=env)
+    assert outcome.code == 0, outcome.err
+    assert "drifting" in {row["name"] for row in json.loads(outcome.out)}
+
+
+def test_a_plug_in_that_cannot_be_imported_is_named(plug_in: Path) -> None:
+    (plug_in / "somebody" / "theirs.py").write_text("import nothing_of_that_name", encoding="utf-8")
+    env = {"PYTHONPATH": str(plug_in)}
+    outcome = process(arguments("run", "--methods", "drifting", "--dry-run", "--protocol", "smoke"), env=env)
+    assert outcome.code == 2
+    assert "drifting" in outcome.err
+    assert "Traceback" not in outcome.err
+    others = process(arguments("show", "dilo"), env=env)
+    assert others.code == 0, "a broken plug-in does not take the rest along"
+
+
+# --- Ctrl-C ----------------------------------------------------------------------------------------------------------
+
+
+def interrupt_when(
+    ready: Callable[[], bool], command: Sequence[str], *, everyone: bool, cache: Path
+) -> subprocess.CompletedProcess[str]:
+    """Start a command, wait until something is seen, press Ctrl-C; a terminal sends it to the whole group."""
+    with subprocess.Popen(
+        command,
+        env=environment({"LFOBENCH_CACHE": str(cache)}),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as running:
+        while not ready():
+            assert running.poll() is None, running.communicate()
+            time.sleep(0.005)
+        (os.killpg if everyone else os.kill)(running.pid, signal.SIGINT)
+        out, err = running.communicate(timeout=120)
+    return subprocess.CompletedProcess(list(command), running.returncode, out, err)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_interrupted_and_continued(workers: int, tmp_path: Path, shared_cache: Path) -> None:
+    seeds = range(10)
+    cell = smoke_cell("bc")
+    jobs = [make_job(cell, [seed], tmp_path / "straight", shared_cache) for seed in seeds]
+    out = tmp_path / "runs"
+    command = arguments(
+        "run", "--methods", "bc", "--suite", TINY, *TASK, "--seeds", "0-9", "--workers", workers, "--out", out
+    )
+    stopped = interrupt_when(lambda: any(out.rglob("*.json")), command, everyone=workers > 1, cache=shared_cache)
+    assert stopped.returncode == 130, stopped
+    assert "The same command continues" in stopped.stderr
+    assert "Traceback" not in stopped.stderr
+    assert "Failed" not in stopped.stderr
+    read = RecordFolder(out).read_all()
+    assert read.warnings == []
+    assert 0 < len(read.records) < 10
+    assert process(command, env={"LFOBENCH_CACHE": str(shared_cache)}).code == 0
+    for job in jobs:
+        finish(job)
+        (expected,) = records_of(job)
+        (found,) = records_of(Job(job.cell, job.seeds, out, job.cache, "cpu"))
+        assert found.measured() == expected.measured()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_interrupted_build_stops_and_leaves_whole_shards(workers: int, tmp_path: Path) -> None:
+    suite = tmp_path / "large.py"
+    source = Path(TINY).read_text(encoding="utf-8").replace("3_000", "400_000")
+    suite.write_text(source, encoding="utf-8")
+    cache = tmp_path / "cache"
+    command = arguments(
+        "data", "build", suite, "--tasks", "pole-random-expert", "--protocol", "paper", "--workers", workers
+    )
+
+    def shards() -> list[Path]:
+        return list(cache.rglob("*.safetensors"))
+
+    stopped = interrupt_when(lambda: len(shards()) > 0, command, everyone=True, cache=cache)
+    assert stopped.returncode == 130, stopped
+    assert "The same command continues" in stopped.stdout + stopped.stderr
+    assert "Traceback" not in stopped.stderr
+    assert len(shards()) < 20, "the rest of the 41 shards is left for the next command"
+    assert list(cache.rglob(f"*{TEMPORARY_SUFFIX}")) == []

@@ -1,0 +1,193 @@
+"""The house: which room may import which (design.md). Read from the source, imports inside functions included."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Every room may import itself. `files`, `processes`, `registry` and `errors` are single modules that rooms share.
+MAY_IMPORT: dict[str, set[str]] = {
+    "errors": set(),
+    "contract": {"errors"},
+    "files": {"errors"},
+    "processes": set(),
+    "registry": {"contract", "errors"},
+    "plan": {"contract", "errors", "registry"},
+    "data": {"contract", "plan", "errors", "files", "processes", "registry"},
+    "store": {"contract", "plan", "errors", "files"},
+    "engine": {"contract", "plan", "data", "store", "errors", "files", "registry"},
+    "executors": {"contract", "engine", "errors", "processes"},
+    "stats": {"contract"},
+    "render": {"contract", "stats", "errors"},
+    "cli": {
+        "contract",
+        "data",
+        "engine",
+        "errors",
+        "executors",
+        "files",
+        "plan",
+        "processes",
+        "registry",
+        "render",
+        "stats",
+        "store",
+    },
+}
+
+METHODS_MAY_IMPORT = {"torch", "pydantic", "methods"}
+
+
+def sources(package: str) -> list[Path]:
+    return sorted((ROOT / package).rglob("*.py"))
+
+
+def imported(path: Path) -> Iterator[tuple[int, str]]:
+    """(line, dotted name) of everything that a file imports; `from a import b` gives ``a.b``."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: relative imports hide the room"
+            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
+
+
+def room_of(path: Path) -> str:
+    parts = path.relative_to(ROOT / "lfobench").with_suffix("").parts
+    return parts[0]
+
+
+def place(path: Path, line: int, name: str) -> str:
+    return f"{path.relative_to(ROOT)}:{line} imports {name}"
+
+
+@pytest.mark.parametrize("room", MAY_IMPORT)
+def test_rooms_import_only_those_below(room: str) -> None:
+    violations = []
+    for path in sources("lfobench"):
+        if room_of(path) != room:
+            continue
+        for line, name in imported(path):
+            head, *rest = name.split(".")
+            if head != "lfobench" or not rest:
+                continue
+            known = rest[0] in MAY_IMPORT
+            if known and rest[0] != room and rest[0] not in MAY_IMPORT[room]:
+                violations.append(place(path, line, name))
+    assert violations == []
+
+
+def test_every_module_is_in_a_room() -> None:
+    rooms = {room_of(path) for path in sources("lfobench")}
+    assert rooms == set(MAY_IMPORT) | {"__init__", "__main__"}
+
+
+def test_only_the_entry_point_imports_the_command_line() -> None:
+    users = [
+        place(path, line, name)
+        for package in ("lfobench", "methods", "suites")
+        for path in sources(package)
+        for line, name in imported(path)
+        if name.startswith("lfobench.cli") and room_of_any(path) not in ("cli", "__main__")
+    ]
+    assert users == []
+
+
+def room_of_any(path: Path) -> str:
+    return room_of(path) if path.is_relative_to(ROOT / "lfobench") else path.relative_to(ROOT).parts[0]
+
+
+def test_the_harness_knows_no_method_and_no_suite() -> None:
+    """It finds them by name, through the registry."""
+    violations = [
+        place(path, line, name)
+        for path in sources("lfobench")
+        for line, name in imported(path)
+        if name.split(".")[0] in ("methods", "suites")
+    ]
+    assert violations == []
+
+
+def test_methods_know_the_contract_and_nothing_else() -> None:
+    violations = []
+    for path in sources("methods"):
+        for line, name in imported(path):
+            head = name.split(".")[0]
+            allowed = head in METHODS_MAY_IMPORT or head in sys.stdlib_module_names
+            if not allowed and not name.startswith("lfobench.contract."):
+                violations.append(place(path, line, name))
+    assert violations == []
+
+
+DISTILLATION = "distil.py"
+FILES_AND_PRINTING = {
+    "builtins",
+    "csv",
+    "io",
+    "os",
+    "pathlib",
+    "pickle",
+    "rich",
+    "shutil",
+    "subprocess",
+    "sys",
+    "tempfile",
+    "typer",
+    "gymnasium",
+}
+
+
+def test_methods_touch_no_file_and_no_simulator() -> None:
+    violations = [
+        place(path, line, name)
+        for path in sources("methods")
+        for line, name in imported(path)
+        if name.split(".")[0] in FILES_AND_PRINTING
+    ]
+    assert violations == []
+
+
+def test_suites_are_data() -> None:
+    """A suite file declares; what reads weights lies beside it, and only the distillation script talks to a user."""
+    violations = []
+    for path in sources("suites"):
+        if path.name == DISTILLATION:
+            continue
+        forbidden = {"rich", "typer", "methods"}
+        if path.parent == ROOT / "suites":
+            forbidden |= FILES_AND_PRINTING
+        for line, name in imported(path):
+            beyond = name.startswith("lfobench.") and not name.startswith(("lfobench.contract", "lfobench.errors"))
+            if beyond or name.split(".")[0] in forbidden:
+                violations.append(place(path, line, name))
+    assert violations == []
+
+
+WRITERS = {"write_bytes", "write_text", "save_file", "mkdir", "unlink", "rename", "replace_file"}
+TOOLS = {DISTILLATION, "card.py", "measure.py", "dagger.py", "scratch.py", "student.py", "teacher.py"}
+
+
+def test_suites_write_no_files_but_in_their_tools() -> None:
+    """What a run imports (the suite, `load`, the policies) reads weights and writes nothing."""
+    violations = []
+    for path in sources("suites"):
+        if path.name in TOOLS:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call):
+                called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+                if called in WRITERS or called == "print":
+                    violations.append(place(path, node.lineno, called))
+    assert violations == []
+
+
+@pytest.mark.parametrize("package", ["lfobench", "methods", "suites"])
+def test_every_module_says_what_it_is_for(package: str) -> None:
+    silent = [str(path) for path in sources(package) if not ast.get_docstring(ast.parse(path.read_text("utf-8")))]
+    assert silent == []
