@@ -10,10 +10,10 @@ from pathlib import Path
 from types import FrameType
 
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from lfobench.cli.console import errors
 from lfobench.cli.planned import Agenda, Forecast
+from lfobench.cli.progress import JobLine, OverallLine, display
 from lfobench.data.build import ShardJob, build
 from lfobench.data.cache import GENERATED
 from lfobench.engine.job import Job, Recorded, carry_out
@@ -101,29 +101,17 @@ def jobs(agenda: Agenda, out: Path) -> list[Job]:
     return found
 
 
-def _bar(quiet: bool) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
-        TextColumn("{task.fields[count]}", justify="right"),
-        TextColumn("{task.fields[note]}"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(elapsed_when_finished=False),
-        console=errors,
-        disable=quiet or not errors.is_terminal,
-    )
-
-
 def build_data(shards: Sequence[ShardJob], workers: int, stop: StopRequest, quiet: bool = False) -> None:
     """Build shards with a progress bar; a stop leaves whole shards only."""
     if not shards:
         return
     remove_leftovers(shards[0].root / GENERATED)
-    with _bar(quiet) as bar:
-        task = bar.add_task("Building data", total=len(shards), count=f"0/{len(shards)}", note="shards")
+    with display(quiet) as shown:
+        task = shown.bars.add_task("Building data", total=len(shards), count=f"0/{len(shards)}", note="shards")
         for done, job in enumerate(build(shards, workers), start=1):
-            bar.update(task, completed=done, count=f"{done}/{len(shards)}", note=f"{job.level} of {job.task}")
+            note = f"{job.level} of {job.task}"
+            shown.bars.update(task, completed=done, count=f"{done}/{len(shards)}", note=note)
+            shown.tick()
             if stop():
                 return
     if not quiet:
@@ -132,14 +120,14 @@ def build_data(shards: Sequence[ShardJob], workers: int, stop: StopRequest, quie
 
 def _train(work: Sequence[Job], agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, quiet: bool) -> Tally:
     tally = Tally()
-    with _bar(quiet) as bar:
-        overall = _OverallLine(bar, work, agenda, expected)
-        lines: dict[int, _JobLine] = {}
+    with display(quiet) as shown:
+        overall = OverallLine(shown.bars, work, agenda, expected)
+        lines: dict[int, JobLine] = {}
         for event in _events(work, agenda.workers, stop):
             job, what = work[event.index], event.what
             if isinstance(what, Advance):
                 if event.index not in lines:
-                    lines[event.index] = _JobLine(bar, job)
+                    lines[event.index] = JobLine(shown.bars, job)
                 lines[event.index].update(what)
                 overall.advance(event.index, what.done / what.total)
             elif isinstance(what, Recorded):
@@ -152,57 +140,14 @@ def _train(work: Sequence[Job], agenda: Agenda, expected: Forecast, out: Path, s
                     line.remove()
                 tally.count(what)
                 _report(what, job, out)
+            shown.tick()
     return tally
-
-
-class _OverallLine:
-    """The progress line of everything, in expected seconds, so that its ETA weighs slow methods as slow."""
-
-    def __init__(self, bar: Progress, work: Sequence[Job], agenda: Agenda, expected: Forecast) -> None:
-        seconds = dict(zip((run.identity_hash for run in agenda.pending), expected.run_seconds, strict=True))
-        self._weights = [sum(seconds[run.identity_hash] for run in job.runs) for job in work]
-        self._fractions = [0.0] * len(work)
-        self._bar, self._done, self._wanted = bar, len(agenda.done), len(agenda.plan.runs)
-        self._task = bar.add_task("[bold]All runs", total=sum(self._weights), count=self._count, note="runs done")
-
-    @property
-    def _count(self) -> str:
-        return f"{self._done}/{self._wanted}"
-
-    def advance(self, index: int, fraction: float) -> None:
-        self._fractions[index] = fraction
-        done = sum(weight * part for weight, part in zip(self._weights, self._fractions, strict=True))
-        self._bar.update(self._task, completed=done)
-
-    def recorded(self) -> None:
-        self._done += 1
-        self._bar.update(self._task, count=self._count)
 
 
 def _events(work: Sequence[Job], workers: int, stop: StopRequest) -> Iterator[Event]:
     if workers == 1 or len(work) == 1:
         return local.execute(work, carry_out, stop)
     return pool.execute(work, carry_out, workers, stop)
-
-
-class _JobLine:
-    """The progress line of one running job."""
-
-    def __init__(self, bar: Progress, job: Job) -> None:
-        self._bar = bar
-        seeds = f"seed {job.seeds[0]}" if len(job.seeds) == 1 else f"{len(job.seeds)} seeds"
-        self._task = bar.add_task(f"{escape(job.cell.label)} {seeds}", total=None, count="", note="")
-
-    def update(self, advance: Advance) -> None:
-        speed = self._bar.tasks[self._bar.task_ids.index(self._task)].speed
-        rate = f", {speed:.0f} steps/s" if speed else ""
-        score = "" if advance.score is None else f", score {advance.score:.1f}"
-        note = f"{advance.stage}{rate}{score}"
-        count = f"{advance.done}/{advance.total}"
-        self._bar.update(self._task, total=advance.total, completed=advance.done, count=count, note=note)
-
-    def remove(self) -> None:
-        self._bar.remove_task(self._task)
 
 
 def _report(ended: Ended, job: Job, out: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,7 @@ from helpers_cli import InProcess, assert_refused
 from helpers_engine import HOPPER_TASK, TINY, smoke_cell
 from safetensors.numpy import load_file
 
-from lfobench.cli import app
+from lfobench.cli import app, progress
 from lfobench.plan.protocol import PROTOCOLS
 from lfobench.registry import load_suite, method_names
 from lfobench.store.folder import RecordFolder
@@ -189,6 +190,26 @@ def test_show_of_a_method_documents_every_field(lfobench_command: InProcess) -> 
         assert field in text
         assert info.description
         assert info.description in text
+
+
+def test_a_log_gets_lines_with_the_time_left(
+    tmp_path: Path, lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
+    outcome = lfobench_command("run", "--methods", "bc", *TINY_SMOKE, "--workers", "1", "--out", tmp_path)
+    assert outcome.code == 0
+    assert "All runs  0/1  runs done" in outcome.err
+    assert re.search(r"bc:released pole-random-expert seed 0  \d+/40  policy.*about \d+ s left", outcome.err)
+
+
+def test_assigned_steps_are_in_the_plan_and_the_record(tmp_path: Path, lfobench_command: InProcess) -> None:
+    outcome = lfobench_command(
+        "run", "--methods", "bc", *TINY_SMOKE, "--steps", "25", "--workers", "1", "--out", tmp_path
+    )
+    assert outcome.code == 0
+    assert "25, set with --steps" in outcome.out
+    (record,) = RecordFolder(tmp_path).read_all().records
+    assert [evaluation.step for evaluation in record.evaluations] == [10, 20, 25]
 
 
 def test_a_suite_by_path(tmp_path: Path, lfobench_command: InProcess) -> None:

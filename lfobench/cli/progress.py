@@ -1,0 +1,113 @@
+"""What a user sees of long work: bars with an ETA on a terminal, a line now and then in a log."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.text import Text
+
+from lfobench.cli.console import duration, errors
+from lfobench.cli.planned import Agenda, Forecast
+from lfobench.engine.job import Job
+from lfobench.engine.training import Advance
+
+LOG_SECONDS = 60.0
+
+
+class Display:
+    """Progress lines of one stretch of work.
+
+    Args:
+        bars: what is drawn on a terminal; it also keeps the times where nothing is drawn.
+        logging: whether to print lines in the place of bars.
+    """
+
+    def __init__(self, bars: Progress, logging: bool) -> None:
+        self.bars = bars
+        self._logging = logging
+        self._next = time.monotonic() + LOG_SECONDS
+
+    def tick(self) -> None:
+        """Called at every event: print the lines of the log when they are due."""
+        if not self._logging or time.monotonic() < self._next:
+            return
+        self._next = time.monotonic() + LOG_SECONDS
+        for task in self.bars.tasks:
+            errors.print(_log_line(task), soft_wrap=True)
+
+
+@contextmanager
+def display(quiet: bool) -> Iterator[Display]:
+    """Bars on a terminal, lines in a log, nothing if `quiet`."""
+    bars = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        TextColumn("{task.fields[count]}", justify="right"),
+        TextColumn("{task.fields[note]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(elapsed_when_finished=False),
+        console=errors,
+        disable=quiet or not errors.is_terminal,
+    )
+    with bars:
+        yield Display(bars, logging=not quiet and not errors.is_terminal)
+
+
+def _log_line(task: Task) -> Text:
+    fields = [Text.from_markup(task.description).plain, task.fields["count"], task.fields["note"]]
+    if task.time_remaining is not None:
+        fields.append(f"about {duration(task.time_remaining)} left")
+    return Text("  ".join(field for field in fields if field))
+
+
+class OverallLine:
+    """The progress line of everything, in expected seconds, so that its ETA weighs slow methods as slow."""
+
+    def __init__(self, bars: Progress, work: Sequence[Job], agenda: Agenda, expected: Forecast) -> None:
+        seconds = dict(zip((run.identity_hash for run in agenda.pending), expected.run_seconds, strict=True))
+        self._weights = [sum(seconds[run.identity_hash] for run in job.runs) for job in work]
+        self._fractions = [0.0] * len(work)
+        self._bars, self._done, self._wanted = bars, len(agenda.done), len(agenda.plan.runs)
+        self._task = bars.add_task("[bold]All runs[/]", total=sum(self._weights), count=self._count, note="runs done")
+
+    @property
+    def _count(self) -> str:
+        return f"{self._done}/{self._wanted}"
+
+    def advance(self, index: int, fraction: float) -> None:
+        """Job `index` has done that part of its steps."""
+        self._fractions[index] = fraction
+        done = sum(weight * part for weight, part in zip(self._weights, self._fractions, strict=True))
+        self._bars.update(self._task, completed=done)
+
+    def recorded(self) -> None:
+        """One more run has left its record."""
+        self._done += 1
+        self._bars.update(self._task, count=self._count)
+
+
+class JobLine:
+    """The progress line of one running job."""
+
+    def __init__(self, bars: Progress, job: Job) -> None:
+        self._bars = bars
+        seeds = f"seed {job.seeds[0]}" if len(job.seeds) == 1 else f"{len(job.seeds)} seeds"
+        self._task = bars.add_task(f"{escape(job.cell.label)} {seeds}", total=None, count="", note="")
+
+    def update(self, advance: Advance) -> None:
+        """Show the job's stage, speed and latest score."""
+        speed = self._bars.tasks[self._bars.task_ids.index(self._task)].speed
+        rate = f", {speed:.0f} steps/s" if speed else ""
+        score = "" if advance.score is None else f", score {advance.score:.1f}"
+        note = f"{advance.stage}{rate}{score}"
+        count = f"{advance.done}/{advance.total}"
+        self._bars.update(self._task, total=advance.total, completed=advance.done, count=count, note=note)
+
+    def remove(self) -> None:
+        """The job is over."""
+        self._bars.remove_task(self._task)
