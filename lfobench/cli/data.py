@@ -53,17 +53,20 @@ def status(
 
     Example: lfobench data status locomotion --protocol paper
     """
+    from rich.markup import escape
     from rich.table import Table
 
     from lfobench.cli import planned
     from lfobench.data.cache import cache_folder
 
-    rows = planned.data_status(suite, tasks, protocol, cache_folder())
+    root = cache_folder()
+    rows = planned.data_status(suite, tasks, protocol, root)
     if as_json:
         print_json(rows)
         return
-    table = Table("task", "part", "transitions", "shards", "folder", title="Generated data", title_style="bold")
+    table = Table("task", "part", "transitions", "shards there", title="Generated data", title_style="bold")
     for row in rows:
         there = f"{row['shards_present']}/{row['shards']}"
-        table.add_row(row["task"], row["part"], f"{row['transitions']:,}", there, row["folder"])
+        table.add_row(escape(row["task"]), row["part"], f"{row['transitions']:,}", there)
     output.print(table)
+    output.print(f"in {escape(str(root))}", soft_wrap=True)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lfobench.cli import options
 from lfobench.cli.console import errors, output, print_json
 from lfobench.cli.run import request, resolve
+
+if TYPE_CHECKING:
+    from lfobench.contract.record import Record
 
 
 def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False) -> None:
@@ -23,8 +26,7 @@ def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False
     read = folder.read_all()
     cells: dict[tuple[str, ...], dict[str, list[int]]] = {}
     for record in read.records:
-        identity = record.identity
-        key = (record.task, record.method, str(identity["preset"]), str(identity["protocol"]["name"]))
+        key = (record.task, record.method, _variant(record), _budget(record))
         cells.setdefault(key, {"finished": [], "diverged": []})[record.status].append(record.seed)
     checkpoints = len(list((out / "checkpoints").glob("*.safetensors")))
     rows = [
@@ -86,6 +88,18 @@ def warn(warnings: Any) -> None:
 
     for warning in warnings:
         errors.print(f"[yellow]Warning:[/] {escape(warning.what)} {escape(warning.remedy)}", soft_wrap=True)
+
+
+def _variant(record: Record) -> str:
+    """The preset and what ``--set`` changed in it: ``released, tau=3``."""
+    assigned = record.identity.get("set", {})
+    return ", ".join([str(record.identity["preset"]), *(f"{field}={value}" for field, value in assigned.items())])
+
+
+def _budget(record: Record) -> str:
+    """The protocol, with the steps if ``--steps`` chose them: ``quick, 24,000 steps``."""
+    protocol = record.identity["protocol"]
+    return f"{protocol['name']}, {protocol['steps']:,} steps" if protocol["steps_assigned"] else str(protocol["name"])
 
 
 def _cell(value: Any) -> str:

@@ -96,6 +96,18 @@ def test_status_counts_seeds(compared: Path, lfobench_command: InProcess) -> Non
     assert "12 records" in lfobench_command("status", "--out", compared).out
 
 
+def test_status_keeps_variants_of_a_method_apart(tmp_path: Path, lfobench_command: InProcess) -> None:
+    run = ("run", "--methods", "bc", *TINY_SMOKE, "--workers", "1", "--out", tmp_path)
+    for changes in ((), ("--set", "bc.learning_rate=0.5"), ("--steps", "25")):
+        assert lfobench_command(*run, *changes).code == 0
+    cells = json.loads(lfobench_command("status", "--out", tmp_path, "--json").out)["cells"]
+    assert [(cell["preset"], cell["protocol"], cell["finished"]) for cell in cells] == [
+        ("released", "smoke", [0]),
+        ("released", "smoke, 25 steps", [0]),
+        ("released, learning_rate=0.5", "smoke", [0]),
+    ]
+
+
 def terminal(text: str) -> None:
     assert "─" in text
 
