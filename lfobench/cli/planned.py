@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,12 +17,10 @@ from lfobench.data.cache import PartCache
 from lfobench.engine.probe import Prober
 from lfobench.plan.cells import Cell, Run
 from lfobench.plan.names import select_tasks, split_names
-from lfobench.plan.parts import PartRequest, requests
+from lfobench.plan.parts import SHARD_TRANSITIONS, PartRequest, requests
 from lfobench.plan.planning import Plan, choose_protocol
 from lfobench.registry import load_suite
 from lfobench.store.folder import RecordFolder
-
-SECONDS_PER_SHARD = 5.0
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,20 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
     cells = {id(run.cell): run.cell for run in agenda.pending}
     seconds = {key: prober.estimate(cell).total for key, cell in cells.items()}
     run_seconds = [seconds[id(run.cell)] for run in agenda.pending]
-    data = SECONDS_PER_SHARD * len(agenda.shards) / agenda.workers
     spread = sum(run_seconds) / agenda.workers
+    data = _building_seconds(agenda, prober) / min(agenda.workers, len(agenda.shards) or 1)
     return Forecast(run_seconds, data + max([spread, *run_seconds]))
+
+
+def _building_seconds(agenda: Agenda, prober: Prober) -> float:
+    """Of making the missing shards one after another."""
+    suite, tasks = agenda.plan.suite, {task.name: task for task in agenda.plan.tasks}
+    seconds = 0.0
+    for (task, level), shards in Counter((job.task, job.level) for job in agenda.shards).items():
+        environment = tasks[task].environment
+        demonstrator = suite.demonstrator(environment.name, level)
+        seconds += shards * SHARD_TRANSITIONS * prober.generation(environment, demonstrator)
+    return seconds
 
 
 def show(agenda: Agenda, expected: Forecast, out: Path) -> None:

@@ -6,13 +6,16 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
+import gymnasium
 import numpy as np
 import torch
 from torch import Tensor
 
 from lfobench.contract.method import Field, Method, Shapes, Sizes
 from lfobench.contract.randomness import Randomness, StepRandomness
+from lfobench.contract.suite import Demonstrator, Environment, FloatArray
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.sampling import StageSampler
@@ -44,6 +47,7 @@ class Prober:
         self._device = torch.device(device)
         self._steps: dict[tuple[str, str, str], dict[str, float]] = {}
         self._simulators: dict[str, tuple[float, int, int]] = {}
+        self._generation: dict[tuple[str, str], float] = {}
 
     def estimate(self, cell: Cell) -> Estimate:
         """Training from measured updates of every stage; evaluation as if every episode ran to its horizon."""
@@ -72,16 +76,19 @@ class Prober:
             simulator = environment.make()
             observation, _ = simulator.reset(seed=0)
             action = np.zeros(simulator.action_space.shape or (1,), np.float32)
-
-            def step() -> None:
-                _, _, terminated, truncated, _ = simulator.step(action)
-                if terminated or truncated:
-                    simulator.reset(seed=0)
-
-            seconds = _seconds_per_call(step)
-            simulator.close()
+            seconds = _seconds_per_step(simulator, lambda _: action)
             self._simulators[environment.name] = (seconds, len(observation), len(action))
         return self._simulators[environment.name]
+
+    def generation(self, environment: Environment, demonstrator: Demonstrator) -> float:
+        """Seconds per transition that a demonstrator generates."""
+        key = (environment.name, demonstrator.fingerprint)
+        if key not in self._generation:
+            generator = np.random.default_rng(0)
+            self._generation[key] = _seconds_per_step(
+                environment.make(), lambda observation: demonstrator.act(observation, generator)
+            )
+        return self._generation[key]
 
     def _measure(self, cell: Cell, observation: int, action: int) -> dict[str, float]:
         """Seconds per update of every stage on random data of the right shapes."""
@@ -123,6 +130,22 @@ def _random_view(offline: tuple[Field, ...], expert: tuple[Field, ...], shapes: 
     rest: tuple[Field, ...] = tuple(field for field in offline if field != "initial_observation")
     zeros = np.zeros(shapes.observation, np.float32)
     return View(table(rest), table(initial), table(expert), shapes, ObservationTransform(zeros, zeros + 1, False))
+
+
+def _seconds_per_step(simulator: gymnasium.Env[Any, Any], act: Callable[[FloatArray], FloatArray]) -> float:
+    """Of acting in the simulator and stepping it, resets included; closes it."""
+    observation, _ = simulator.reset(seed=0)
+
+    def step() -> None:
+        nonlocal observation
+        observation, _, terminated, truncated, _ = simulator.step(act(np.asarray(observation, np.float32)))
+        if terminated or truncated:
+            observation, _ = simulator.reset()
+
+    try:
+        return _seconds_per_call(step)
+    finally:
+        simulator.close()
 
 
 def _seconds_per_call(call: Callable[[], object], device: torch.device | None = None) -> float:
