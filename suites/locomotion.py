@@ -21,7 +21,7 @@ EXPERT_TRAJECTORIES = {"expert": 200, "few-expert": 30}
 PAPER_STEPS = {"expert": 300_000, "few-expert": 500_000}
 # The smallest seed whose first expert episode, which becomes the demonstration, runs to the horizon and scores
 # within one std of the expert's mean on its card: a lone fall must not be what every method is asked to imitate.
-GENERATION_SEEDS = {"hopper": 0, "halfcheetah": 1, "walker2d": 1, "ant": 0}
+GENERATION_SEEDS = {"hopper": 0, "halfcheetah": 0, "walker2d": 2, "ant": 0}
 OFFLINE_LEVELS: tuple[Level, ...] = ("random", "medium")
 
 

@@ -11,7 +11,7 @@ from lfobench.contract.record import content_hash
 from lfobench.contract.suite import Environment, Level, Recipe, Suite, Task
 
 SHARD_TRANSITIONS = 10_000
-FORMAT = 1
+FORMAT = 2
 
 
 def simulator_versions() -> dict[str, str]:

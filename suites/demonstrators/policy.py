@@ -7,8 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import safetensors.numpy
+from numpy.typing import NDArray
 
 from lfobench.contract.suite import FloatArray
+
+Array = NDArray[np.float64]
 
 
 class UniformPolicy:
@@ -38,12 +41,15 @@ class GaussianTanhPolicy:
     (means, then log-stds), and ``squash``: 1 where tanh bounds the sample (the Gaussian of SAC and TQC), 0
     where clipping does (that of TRPO and PPO). The observation standardisation is folded into the first layer.
 
+    Computed in float64 and rounded once at the end: processors sum in different orders, and in float32 the last
+    bit of an action would be theirs to choose, and with it every later state of the episode.
+
     Args:
         content: a ``.safetensors`` file's bytes.
     """
 
     def __init__(self, content: bytes) -> None:
-        tensors = safetensors.numpy.load(content)
+        tensors = {name: tensor.astype(np.float64) for name, tensor in safetensors.numpy.load(content).items()}
         layers = sum(name.startswith("weight_") for name in tensors)
         self._hidden = [(tensors[f"weight_{layer}"], tensors[f"bias_{layer}"]) for layer in range(layers - 1)]
         self._weight, self._bias = tensors[f"weight_{layers - 1}"], tensors[f"bias_{layers - 1}"]
@@ -61,16 +67,17 @@ class GaussianTanhPolicy:
         """The weight file's sha256."""
         return self._fingerprint
 
-    def _outputs(self, observation: FloatArray) -> FloatArray:
-        hidden = observation
+    def _outputs(self, observation: FloatArray) -> Array:
+        hidden = observation.astype(np.float64)
         for weight, bias in self._hidden:
             hidden = np.tanh(weight @ hidden + bias)
-        outputs: FloatArray = self._weight @ hidden + self._bias
+        outputs: Array = self._weight @ hidden + self._bias
         return outputs
 
-    def _bound(self, action: FloatArray) -> FloatArray:
+    def _bound(self, action: Array) -> FloatArray:
         # np.clip costs more than the rest of the forward pass at these sizes.
-        return np.tanh(action) if self._squash else np.maximum(np.minimum(action, 1.0), -1.0)
+        bounded = np.tanh(action) if self._squash else np.maximum(np.minimum(action, 1.0), -1.0)
+        return bounded.astype(np.float32)
 
     def mean_action(self, observation: FloatArray) -> FloatArray:
         """The deterministic action ``[act]`` for one observation ``[obs]``."""
@@ -79,5 +86,5 @@ class GaussianTanhPolicy:
     def act(self, observation: FloatArray, generator: np.random.Generator) -> FloatArray:
         """A sampled action ``[act]`` for one observation ``[obs]``."""
         outputs = self._outputs(observation)
-        noise = generator.standard_normal(self._actions, dtype=np.float32)
+        noise = generator.standard_normal(self._actions)
         return self._bound(outputs[: self._actions] + np.exp(outputs[self._actions :]) * noise)
