@@ -45,6 +45,8 @@ class Network:
         heads: independent copies per seed that see the same input.
         activation: between layers; the last layer is linear.
         initialization: of the weights.
+        merged_outputs: layers of equal width that the last one holds side by side; each has a layer's own initial
+            bounds.
     """
 
     def __init__(
@@ -57,13 +59,16 @@ class Network:
         heads: int = 1,
         activation: Callable[[Tensor], Tensor] = torch.relu,
         initialization: Initialization = "torch",
+        merged_outputs: int = 1,
     ) -> None:
         self.sizes = tuple(sizes)
         self.seed_count = len(seeds)
         self.heads = heads
         self.activation = activation
         self._set_flat(
-            torch.cat([_initial_flat(seed, name, self.sizes, heads, initialization) for seed in seeds]).to(device)
+            torch.cat(
+                [_initial_flat(seed, name, self.sizes, heads, initialization, merged_outputs) for seed in seeds]
+            ).to(device)
         )
 
     def _set_flat(self, flat: Tensor) -> None:
@@ -155,7 +160,9 @@ def _linear(inputs: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     return torch.baddbmm(bias, inputs, weight)
 
 
-def _initial_flat(seed: int, name: str, sizes: Sequence[int], heads: int, initialization: Initialization) -> Tensor:
+def _initial_flat(
+    seed: int, name: str, sizes: Sequence[int], heads: int, initialization: Initialization, merged_outputs: int
+) -> Tensor:
     """One seed's initial parameters ``[H, P]``: draws keyed by (seed, network, head)."""
     count = sum(fan_in * fan_out + fan_out for fan_in, fan_out in pairwise(sizes))
     randomness = Randomness([seed])
@@ -163,8 +170,9 @@ def _initial_flat(seed: int, name: str, sizes: Sequence[int], heads: int, initia
     for head in range(heads):
         signed = randomness.uniform(f"{name}: initial weights", head, count)[0] * 2.0 - 1.0
         parts = []
-        for fan_in, fan_out in pairwise(sizes):
-            weight_bound, bias_bound = _initial_bounds(fan_in, fan_out, initialization)
+        for layer, (fan_in, fan_out) in enumerate(pairwise(sizes), start=2):
+            drawn_as = fan_out // merged_outputs if layer == len(sizes) else fan_out
+            weight_bound, bias_bound = _initial_bounds(fan_in, drawn_as, initialization)
             weight, bias, signed = signed.split([fan_in * fan_out, fan_out, len(signed) - fan_in * fan_out - fan_out])
             parts += [weight * weight_bound, bias * bias_bound]
         rows.append(torch.nn.functional.pad(torch.cat(parts), (0, -count % ROW_MULTIPLE)))

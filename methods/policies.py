@@ -126,7 +126,8 @@ class TanhGaussianPolicy:
         entropy_constraint: bool,
     ) -> None:
         sizes = (shapes.observation, *hidden, 2 * shapes.action)
-        self._network = Network("policy", sizes, seeds, device, initialization="xavier")
+        # Mean and log-std are two layers, drawn as such.
+        self._network = Network("policy", sizes, seeds, device, initialization="xavier", merged_outputs=2)
         self._optimizer = Adam(self._network.flat, learning_rate)
         self._target_entropy = -float(shapes.action)
         self._entropy_constraint = entropy_constraint

@@ -106,7 +106,7 @@ class FakeConfig(MethodConfig):
 
     poisoned_seed: int = ConfigField(-1, description="Seed that goes NaN.")
     poisoned_step: int = ConfigField(0, description="Update at which it does.")
-    where: Literal["state", "metrics"] = ConfigField("state", description="What goes NaN.")
+    where: Literal["state", "metrics", "action"] = ConfigField("state", description="What goes NaN.")
     marker: str = ConfigField("", description="File whose presence makes an update exit the process.")
 
 
@@ -123,6 +123,7 @@ class Drifting(Method):
 
     def __init__(self, config: FakeConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
         self.config, self.seeds = config, list(seeds)
+        self.factor = torch.ones(len(seeds), 1, 1)
         start = torch.tensor([float(seed + 1) for seed in seeds], device=device)
         self.weight = start[:, None, None] * torch.linspace(0.1, 0.3, shapes.observation * shapes.action).view(
             1, shapes.observation, shapes.action
@@ -139,11 +140,13 @@ class Drifting(Method):
         if stage == "drift" and randomness.step >= self.config.poisoned_step:
             for index, seed in enumerate(self.seeds):
                 if seed == self.config.poisoned_seed:
-                    (self.weight if self.config.where == "state" else drift)[index] = float("nan")
+                    {"state": self.weight, "metrics": drift, "action": self.factor}[self.config.where][index] = (
+                        torch.nan
+                    )
         return {"drift": drift}
 
     def act(self, observation: Tensor) -> Tensor:
-        return torch.tanh((observation[..., None] * self.weight[:, None]).sum(-2))
+        return torch.tanh((observation[..., None] * self.weight[:, None]).sum(-2)) * self.factor
 
     def state(self) -> State:
         return {"weight": self.weight}

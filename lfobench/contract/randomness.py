@@ -112,6 +112,8 @@ class Randomness:
 class StepRandomness:
     """The draws of one training step, handed to a method's update.
 
+    Its purposes are apart from the engine's: the words that chose a batch's rows would tell where they lie.
+
     Attributes:
         step: updates of the running stage before this one.
     """
@@ -122,8 +124,8 @@ class StepRandomness:
 
     def normal(self, purpose: str, *shape: int) -> Tensor:
         """float32 standard normal ``[S, *shape]``."""
-        return self._randomness.normal(purpose, self.step, math.prod(shape)).view(-1, *shape)
+        return self._randomness.normal(f"update: {purpose}", self.step, math.prod(shape)).view(-1, *shape)
 
     def uniform(self, purpose: str, *shape: int) -> Tensor:
         """float32 in (0, 1), ``[S, *shape]``."""
-        return self._randomness.uniform(purpose, self.step, math.prod(shape)).view(-1, *shape)
+        return self._randomness.uniform(f"update: {purpose}", self.step, math.prod(shape)).view(-1, *shape)

@@ -1,11 +1,13 @@
 """What a method is handed: the fields it declared, and no tensor beyond them (decision 3).
 
 Rewards never leave `Episodes`. Expert actions exist here only for a method that declares its access to them.
-Nothing tells an offline batch which of its rows came from the expert.
+Nothing tells an offline batch which of its rows came from the expert: there is no label, and the rows lie in an
+order of their own, so that not even a guess at the draw that chose a row says which part it is from.
 """
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import get_args
@@ -14,8 +16,9 @@ import torch
 from torch import Tensor
 
 from lfobench.contract.method import Batch, DataNeeds, Field, Method, Shapes, Sizes
+from lfobench.contract.randomness import Randomness
 from lfobench.data.boundaries import Rows
-from lfobench.data.episodes import FloatArray
+from lfobench.data.episodes import FloatArray, IntArray
 from lfobench.data.mixing import Mixture, ObservationTransform
 
 
@@ -96,17 +99,24 @@ def view(method: type[Method], needs: DataNeeds, mixture: Mixture, device: torch
     """
     check_declaration(method, needs)
     observations = torch.from_numpy(mixture.observations).to(device)
-    initial = torch.from_numpy(mixture.initial).to(device)
+    offline = mixture.offline.reordered(_disorder(mixture, mixture.offline.sampled))
+    initial = torch.from_numpy(mixture.initial[_disorder(mixture, len(mixture.initial))]).to(device)
     initial_fields: dict[Field, tuple[Tensor, Tensor]] = {}
     if "initial_observation" in needs.offline:
         initial_fields["initial_observation"] = (observations, initial)
     return View(
-        offline=_table(needs.offline, mixture.offline, observations, mixture.actions),
+        offline=_table(needs.offline, offline, observations, mixture.actions),
         initial=Table(initial_fields, len(initial), len(initial)),
         expert=_table(needs.expert, mixture.expert, observations, mixture.actions),
         shapes=Shapes(mixture.transform.size, mixture.actions.shape[1]),
         transform=mixture.transform,
     )
+
+
+def _disorder(mixture: Mixture, count: int) -> IntArray:
+    """A permutation ``[count]`` that only the whole data decides."""
+    key = zlib.crc32(mixture.actions.tobytes())
+    return Randomness([key]).permutation("order of the rows", 0, count)[0].numpy()
 
 
 def _table(fields: tuple[Field, ...], rows: Rows, observations: Tensor, actions: FloatArray) -> Table:

@@ -116,7 +116,7 @@ def _released(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNe
 def _exact(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, absorbing: int) -> tuple[Rows, Rows]:
     mixed = concatenate([offline, expert.first_episodes(recipe.expert_trajectories)])
     place = (len(offline.observations), offline.transitions)
-    demonstration = expert.first_transitions(recipe.demonstration_rows)
+    demonstration = expert.first_episodes(1)
     if not _triples(needs):
         return boundaries.exact_transitions(mixed), boundaries.exact_transitions(demonstration).shifted(*place)
     # Expert rows are shifted into place, so their absorbing index is given relative to that place.
@@ -127,9 +127,8 @@ def _exact(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds
 
 
 def _check(needs: DataNeeds) -> None:
-    rules: set[tuple[Boundary, Termination]] = {("released", "teleport"), ("exact", "zero"), ("exact", "absorbing")}
-    if not _triples(needs):
-        rules.add(("released", "absorbing"))
+    rules: set[tuple[Boundary, Termination]] = {("released", "teleport"), ("exact", "zero")}
+    rules.add(("exact" if _triples(needs) else "released", "absorbing"))
     if (needs.boundary, needs.termination) not in rules:
         rows = "triples" if _triples(needs) else "pairs"
         raise ValueError(f"no rule makes {needs.boundary} {rows} with termination '{needs.termination}'")

@@ -18,10 +18,17 @@ from lfobench.data.mixing import ObservationTransform
 
 @dataclass(frozen=True)
 class EpisodeResults:
-    """Raw returns and lengths, ``[S, K]`` for S seeds and K episodes."""
+    """What S seeds did in K episodes each.
+
+    Attributes:
+        returns: raw returns ``[S, K]``.
+        lengths: steps ``[S, K]``.
+        finite: ``[S]``; False for a seed that answered a running episode with a non-finite action.
+    """
 
     returns: NDArray[np.float64]
     lengths: NDArray[np.int64]
+    finite: NDArray[np.bool_]
 
 
 def start_seed(task: Task, episode: int) -> int:
@@ -57,19 +64,21 @@ class Evaluator:
             ]
         )
         returns, lengths = np.zeros(slots), np.zeros(slots, np.int64)
-        running = np.ones(slots, np.bool_)
+        running, finite = np.ones(slots, np.bool_), np.ones(slots, np.bool_)
         while running.any():
             observation = torch.from_numpy(self._transform(raw)).view(self._seeds, self._episodes, -1)
             action = method.act(observation.to(device)).cpu().numpy().reshape(slots, -1)
             # A diverged seed may answer NaN; the simulator must not see it.
-            action = np.where(np.isfinite(action), action, 0.0)
+            sound = np.isfinite(action)
+            finite &= sound.all(-1) | ~running
+            action = np.where(sound, action, 0.0)
             for slot in np.flatnonzero(running):
                 raw[slot], reward, terminated, truncated, _ = self._environments[slot].step(action[slot])
                 returns[slot] += float(reward)
                 lengths[slot] += 1
                 running[slot] = not (terminated or truncated)
         shape = (self._seeds, self._episodes)
-        return EpisodeResults(returns.reshape(shape), lengths.reshape(shape))
+        return EpisodeResults(returns.reshape(shape), lengths.reshape(shape), finite.reshape(shape).all(-1))
 
     def close(self) -> None:
         """Release the simulators."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +11,7 @@ from pathlib import Path
 import torch
 from filelock import FileLock, Timeout
 
+from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Record, Warning, content_hash
 from lfobench.data.firewall import view
 from lfobench.data.source import TaskData, load_task
@@ -97,14 +99,14 @@ def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[],
     for index, run in enumerate(job.runs):
         if folder.find(run):
             continue
-        record = _record(run, trainer, index, data, device)
+        record = _record(run, trainer, index, data, needs, device)
         path = folder.write(run, record)
         yield Recorded(run.label, path, record.score(), record.status == "diverged")
     checkpoint.unlink(missing_ok=True)
     checkpoint.with_suffix(".lock").unlink(missing_ok=True)
 
 
-def _record(run: Run, trainer: Trainer, index: int, data: TaskData, device: torch.device) -> Record:
+def _record(run: Run, trainer: Trainer, index: int, data: TaskData, needs: DataNeeds, device: torch.device) -> Record:
     progress = trainer.progress
     diverged_at = progress.diverged_at[index]
     return Record(
@@ -115,21 +117,29 @@ def _record(run: Run, trainer: Trainer, index: int, data: TaskData, device: torc
         diverged_at=diverged_at,
         evaluations=progress.evaluations[index],
         metrics=progress.metrics[index],
-        warnings=list(_warnings(diverged_at, data)),
+        warnings=list(_warnings(diverged_at, data, needs)),
         provenance=provenance(device, progress.seconds, data.fingerprints)
         | {"seeds_trained_together": len(progress.evaluations)},
     )
 
 
-def _warnings(diverged_at: int | None, data: TaskData) -> Iterator[Warning]:
+def _warnings(diverged_at: int | None, data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
     if diverged_at is not None:
         yield Warning(
             what=f"Non-finite values at step {diverged_at}: this seed counts as score 0.",
             remedy="Lower the learning rates or the temperature; the other seeds are unaffected.",
         )
-    if not data.released_expert_rows:
+    if needs.boundary == "released" and not data.released_expert_rows:
         yield Warning(
             what=f"The expert part does not reach {data.recipe.expert_trajectories} trajectories by the released "
             "count, so none of it is mixed into the offline data.",
             remedy="Lower K, or give the recipe a longer expert part.",
+        )
+    scores = [data.task.environment.normalized_score(value) for value in data.expert.returns().tolist()]
+    mean, spread = statistics.fmean(scores), statistics.pstdev(scores)
+    if scores[0] < mean - spread:
+        yield Warning(
+            what=f"The demonstration, the first expert episode, scores {scores[0]:.1f}; expert episodes score "
+            f"{mean:.1f} ± {spread:.1f}.",
+            remedy="Every method is asked to imitate that episode: put a better one first.",
         )

@@ -142,6 +142,8 @@ class Trainer:
         self._mark_diverged(step)
         results = self._evaluator.evaluate(self.method, self._device)
         for index, rows in enumerate(self.progress.evaluations):
+            if self.progress.diverged_at[index] is None and not results.finite[index]:
+                self.progress.diverged_at[index] = step
             if self.progress.diverged_at[index] is None:
                 returns, lengths = results.returns[index].tolist(), results.lengths[index].tolist()
                 rows.append(Evaluation(step=step, returns=returns, lengths=lengths))

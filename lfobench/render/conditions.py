@@ -84,7 +84,9 @@ def _check_tasks(records: Sequence[Record]) -> None:
 
 
 def _conditions(record: Record) -> dict[str, Any]:
-    return {field: value for field, value in record.identity.items() if field not in COLUMN_FIELDS}
+    fixed = {field: value for field, value in record.identity.items() if field not in COLUMN_FIELDS}
+    # Another processor's mathematics library can make other data from the same description.
+    return fixed | {"data_fingerprints": record.provenance.get("data_fingerprints", {})}
 
 
 def _differences(one: Mapping[str, Any], two: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any, Any]]:

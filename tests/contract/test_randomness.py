@@ -215,5 +215,5 @@ def test_a_steps_draws_are_those_of_its_randomness() -> None:
     randomness = Randomness([5, 6])
     step = StepRandomness(randomness, 17)
     assert step.step == 17
-    assert torch.equal(step.normal("a", 4, 3), randomness.normal("a", 17, 12).view(2, 4, 3))
-    assert torch.equal(step.uniform("a", 4, 1), randomness.uniform("a", 17, 4).view(2, 4, 1))
+    assert torch.equal(step.normal("a", 4, 3), randomness.normal("update: a", 17, 12).view(2, 4, 3))
+    assert torch.equal(step.uniform("a", 4, 1), randomness.uniform("update: a", 17, 4).view(2, 4, 1))

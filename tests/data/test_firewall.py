@@ -14,8 +14,8 @@ from helpers_engine import Drifting
 from raw_rows import make_episodes
 from torch import Tensor
 
-from lfobench.contract.method import DataNeeds, Field, Method
-from lfobench.contract.randomness import Randomness
+from lfobench.contract.method import DataNeeds, Field, Method, Stage
+from lfobench.contract.randomness import Randomness, StepRandomness
 from lfobench.contract.suite import Recipe
 from lfobench.data.episodes import Episodes
 from lfobench.data.firewall import FirewallError, View, view
@@ -201,6 +201,30 @@ def test_fields_that_do_not_exist_are_not_served(field: str) -> None:
     else:
         assert field not in sight.offline.fields
         pytest.fail(f"the declared field '{field}' is left out without a word")
+
+
+DRAWS = ("policy: offline rows", "update: policy: offline rows", "order of the rows", "policy: expert rows")
+
+
+@pytest.mark.parametrize("purpose", DRAWS)
+def test_no_draw_tells_where_a_row_comes_from(purpose: str) -> None:
+    """A method may guess the purpose of the engine's draws, and knows the seed and the step."""
+    offline, expert = make_episodes([(9, False)] * 60), make_episodes([(9, False)] * 40, start=5_000)
+    needs = DataNeeds(offline=("observation", "action"))
+    sight = view(load_method("bc"), needs, mix(offline, expert, Recipe("random", 540, "expert", 30, 9), needs, 9), CPU)
+    stage = Stage("policy", None, offline_batch=512, expert_batch=0)
+    batch, _ = StageSampler(sight, stage, Randomness([0])).batches(0)
+    from_expert = batch["observation"][0, :, 0] >= 5_000
+    assert 0.2 < from_expert.float().mean() < 0.5
+    for guess in (
+        Randomness([0]).uniform(purpose, 0, 512)[0],
+        StepRandomness(Randomness([0]), 0).uniform(purpose, 512)[0],
+    ):
+        rank = guess.argsort().argsort().double()
+        apart = (rank[from_expert].mean() - rank[~from_expert].mean()).abs() / 512.0
+        assert apart < 0.1, (
+            "the ranks of two parts drawn blindly differ by 0.03; by 0.5 where one lies behind the other"
+        )
 
 
 @pytest.mark.parametrize("name", method_names())

@@ -164,6 +164,15 @@ def test_one_seed_diverges_and_the_others_go_on(
         assert record.metrics == expected.metrics
 
 
+def test_a_policy_that_answers_nan_is_diverged_although_its_state_is_finite(tmp_path: Path, shared_cache: Path) -> None:
+    """Weights of 1e38 are finite; what they answer is not, and no return of a replaced action may count."""
+    job = make_job(cell_of(Drifting, poisoned_seed=1, poisoned_step=33, where="action"), [0, 1], tmp_path, shared_cache)
+    finish(job)
+    healthy, sick = records_of(job)
+    assert (sick.status, sick.diverged_at, len(sick.evaluations)) == ("diverged", 40, 3)
+    assert (healthy.status, len(healthy.evaluations)) == ("finished", 4)
+
+
 def test_all_seeds_diverge(tmp_path: Path, shared_cache: Path) -> None:
     job = make_job(cell_of(Drifting, poisoned_seed=0, poisoned_step=0), [0], tmp_path, shared_cache)
     events = finish(job)

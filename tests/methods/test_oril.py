@@ -54,6 +54,13 @@ def critics_of(oril: Oril, name: str, seed: int) -> list[ref.Parameters]:
     return [parameters_of(oril, name, CRITIC, 2 * seed + head) for head in (0, 1)]
 
 
+@pytest.mark.parametrize("name", ["actor", "critic"])
+def test_targets_start_as_copies_with_storage_of_their_own(name: str) -> None:
+    state = build(Oril, SHAPES, SEEDS, hidden=HIDDEN).state()
+    assert torch.equal(state[name], state[f"{name}.target"])
+    assert state[name].data_ptr() != state[f"{name}.target"].data_ptr()
+
+
 @pytest.mark.parametrize("ended", [0.0, 0.3, 1.0])
 def test_critic_gradient(ended: float) -> None:
     oril, offline = make(), offline_batch(1, ended)

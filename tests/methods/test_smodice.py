@@ -210,12 +210,21 @@ def test_acts_by_the_tanh_of_the_clamped_mean() -> None:
 
 
 def test_value_weights_start_in_the_glorot_range_with_zero_biases() -> None:
+    assert_glorot("value", outputs=1, heads=1)
+
+
+def test_policy_weights_start_in_the_glorot_range_of_separate_mean_and_std_layers() -> None:
+    assert_glorot("policy", outputs=2 * SHAPES.action, heads=2)
+
+
+def assert_glorot(name: str, outputs: int, heads: int) -> None:
     smodice: Smodice = build(Smodice, SHAPES, SEEDS, hidden=(64, 64))
-    sizes = (SHAPES.observation, 64, 64, 1)
+    sizes = (SHAPES.observation, 64, 64, outputs)
     for seed in range(len(SEEDS)):
-        parameters = parameters_of(smodice, "value", sizes, seed)
+        parameters = parameters_of(smodice, name, sizes, seed)
         for index, (fan_in, fan_out) in enumerate(pairwise(sizes)):
-            bound = np.sqrt(6.0 / (fan_in + fan_out))
+            width = fan_out // heads if index == 2 else fan_out
+            bound = np.sqrt(6.0 / (fan_in + width))
             weight, bias = parameters[2 * index], parameters[2 * index + 1]
             assert np.abs(weight).max() <= bound
             assert np.abs(weight).max() > 0.9 * bound
