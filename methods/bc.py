@@ -52,6 +52,7 @@ class Bc(Method):
     name = "bc"
     access_to_expert_actions = True
     Config = BcConfig
+    stated = ("loss",)
     presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {
         "released": {},
         "paper": {"loss": "likelihood", "batch_size": 1024},

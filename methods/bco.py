@@ -58,6 +58,7 @@ class Bco(Method):
 
     name = "bco"
     Config = BcoConfig
+    stated = ("inverse_dynamics_epochs",)
     presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {"released": {}, "paper": {}}
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "quick": QUICK,

@@ -98,6 +98,7 @@ class Dilo(Method):
 
     name = "dilo"
     Config = DiloConfig
+    stated = ("tau", "conservatism", "termination")
     presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {
         "released": {},
         "paper": {

@@ -55,6 +55,7 @@ class Oril(Method):
 
     name = "oril"
     Config = OrilConfig
+    stated = ("freeze_first_layer", "absorbing")
     presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {
         "released": {},
         "paper": {"freeze_first_layer": False, "batch_size": 1024},

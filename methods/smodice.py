@@ -59,6 +59,7 @@ class Smodice(Method):
 
     name = "smodice"
     Config = SmodiceConfig
+    stated = ("divergence", "freeze_first_layer", "absorbing")
     presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {
         "released": {},
         "paper": {"freeze_first_layer": False, "batch_size": 1024},

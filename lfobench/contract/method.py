@@ -110,6 +110,8 @@ class Method(ABC):
             counts as access there. Only a method that declares it may ask for expert actions.
         Config: the hyperparameters; their defaults are the ``released`` preset.
         presets: per preset, the fields that differ from the defaults, with the values of methods.md.
+        stated: configuration fields that every footnote names, because the method's numbers mean little without them
+            (methods.md 10, item 5).
         budgets: per protocol, the fields that it changes to fit its budget; printed in every footnote.
     """
 
@@ -118,6 +120,7 @@ class Method(ABC):
     access_to_expert_actions: ClassVar[bool] = False
     Config: ClassVar[type[MethodConfig]]
     presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]]
+    stated: ClassVar[tuple[str, ...]] = ()
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
 
     @classmethod

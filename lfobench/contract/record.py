@@ -71,6 +71,7 @@ class Labels(_Model):
     group: str = Field(description="Block of rows, e.g. random+expert.")
     row: str = Field(description="Row inside the block, e.g. hopper.")
     sees_expert_actions: bool = Field(description="Whether the method was given expert actions.")
+    stated: list[str] = Field(description="Fields of the configuration that a footnote names.")
 
 
 class Warning(_Model):

@@ -13,8 +13,11 @@ from lfobench.data.episodes import Episodes
 from lfobench.plan.parts import PartSpecification
 
 
-def roll_out(specification: PartSpecification, demonstrator: Demonstrator, shard: int) -> Episodes:
-    """Whole episodes until at least `shard_transitions` steps are made."""
+def roll_out(
+    specification: PartSpecification, demonstrator: Demonstrator, shard: int, transitions: int | None = None
+) -> Episodes:
+    """Whole episodes of a shard until at least `transitions` steps are made; by default the whole shard."""
+    wanted = specification.shard_transitions if transitions is None else transitions
     key = np.random.SeedSequence([int(specification.hash[:16], 16), shard])
     generator = np.random.Generator(np.random.Philox(key))
     environment = specification.environment.make()
@@ -24,7 +27,7 @@ def roll_out(specification: PartSpecification, demonstrator: Demonstrator, shard
     lengths: list[int] = []
     terminations: list[bool] = []
     try:
-        while sum(lengths) < specification.shard_transitions:
+        while sum(lengths) < wanted:
             observation, _ = environment.reset(seed=int(generator.integers(2**31)))
             observations.append(np.asarray(observation, np.float32))
             length, terminated, truncated = 0, False, False

@@ -80,6 +80,7 @@ class Cell:
             group=self.task.group,
             row=self.task.environment.name,
             sees_expert_actions=self.method.access_to_expert_actions,
+            stated=list(self.method.stated),
         )
 
     @property

@@ -125,6 +125,11 @@ def _highlight(table: Table, alpha: float) -> Note:
 def _configurations(protocol: str, columns: Columns) -> Iterator[Note]:
     presets = _per_column(columns, lambda record: [str(record.identity["preset"])])
     yield Note("Presets", f"{presets}.")
+    stated = [
+        f"{column.label}: {', '.join(facts)}" for column, records in columns.items() if (facts := _stated(records))
+    ]
+    if stated:
+        yield Note("Configured", f"{'; '.join(stated)}.")
     for label, field in ((f"Set by protocol {protocol}", "overrides"), ("Set by hand", "set")):
         settings = [
             f"{column.label}: {', '.join(_settings(records, field))}"
@@ -136,9 +141,18 @@ def _configurations(protocol: str, columns: Columns) -> Iterator[Note]:
 
 
 def _settings(records: Sequence[Record], field: str) -> list[str]:
+    return _assignments(record.identity.get(field, {}) for record in records)
+
+
+def _stated(records: Sequence[Record]) -> list[str]:
+    """What the methods want every reader to know of their configuration."""
+    return _assignments({name: record.identity["config"][name] for name in record.labels.stated} for record in records)
+
+
+def _assignments(fields: Iterable[Mapping[str, Any]]) -> list[str]:
     values: dict[str, list[Any]] = {}
-    for record in records:
-        for name, value in record.identity.get(field, {}).items():
+    for one in fields:
+        for name, value in one.items():
             values.setdefault(name, []).append(value)
     return [f"{name} = {_either(found)}" for name, found in values.items()]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -18,6 +18,8 @@ def make_record(
     group: str = "random+expert",
     *,
     sees_expert_actions: bool = False,
+    stated: Sequence[str] = (),
+    fingerprints: Mapping[str, str] | None = None,
     diverged_at: int | None = None,
     evaluations: int = 5,
     warnings: Sequence[Warning] = (),
@@ -62,7 +64,9 @@ def make_record(
     return Record(
         identity_hash=content_hash(fields),
         identity=fields,
-        labels=Labels(suite="locomotion", group=group, row=row, sees_expert_actions=sees_expert_actions),
+        labels=Labels(
+            suite="locomotion", group=group, row=row, sees_expert_actions=sees_expert_actions, stated=list(stated)
+        ),
         status="finished" if diverged_at is None else "diverged",
         diverged_at=diverged_at,
         evaluations=[
@@ -71,7 +75,7 @@ def make_record(
         ],
         metrics=[],
         warnings=list(warnings),
-        provenance={},
+        provenance={"data_fingerprints": dict(fingerprints or {})},
     )
 
 

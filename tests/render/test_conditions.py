@@ -60,6 +60,13 @@ def test_a_row_compares_like_with_like(
         build_table([make_record(1.0), make_record(1.0, "oril", **identity)])
 
 
+def test_one_description_that_gave_different_data_is_not_one_task(make_record: Callable[..., Record]) -> None:
+    one = make_record(1.0, fingerprints={"offline": "a1", "expert": "b2"})
+    other = make_record(1.0, "oril", fingerprints={"offline": "a1", "expert": "c3"})
+    with pytest.raises(UserError, match=r"dilo was run with data_fingerprints\.expert = b2 and oril with c3"):
+        build_table([one, other])
+
+
 def test_a_cell_never_averages_two_conditions(make_record: Callable[..., Record]) -> None:
     other = make_record(1.0, seed=1, simulator={"gymnasium": "1.4.0", "mujoco": "3.4.0"})
     with pytest.raises(UserError, match=r"hopper-random-expert.*simulator\.mujoco"):

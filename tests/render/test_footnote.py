@@ -34,6 +34,11 @@ def test_says_that_steps_were_assigned(make_cell: Callable[..., list[Record]]) -
     assert notes(records)["Protocol"].startswith("quick: 24,000 gradient steps (set with --steps), batch size 256;")
 
 
+def test_states_what_a_method_wants_every_reader_to_know(make_cell: Callable[..., list[Record]]) -> None:
+    records = make_cell([1.0, 2.0], stated=["tau"]) + make_cell([1.0, 2.0], "oril")
+    assert notes(records)["Configured"] == "dilo: tau = 0.06."
+
+
 def test_names_diverged_runs(example: list[Record]) -> None:
     assert "smodice on hopper-random-expert, seed 0 (step 12,000)" in notes(example)["Diverged"]
 
