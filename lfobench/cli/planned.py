@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from lfobench.cli.console import duration, output
+from lfobench.contract.suite import Task
 from lfobench.data.build import ShardJob, missing_shards
 from lfobench.data.cache import PartCache
 from lfobench.engine.probe import Prober
@@ -155,6 +156,16 @@ def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
 def shards_of_suite(suite: str, tasks: str | None, protocol: str, root: Path) -> list[ShardJob]:
     """The shards that the chosen tasks of a suite lack under a protocol."""
     return missing_shards(root, suite, _requests_of_suite(suite, tasks, protocol))
+
+
+def cached_fingerprints(plan: Plan, task: Task, root: Path) -> dict[str, str]:
+    """Fingerprints of a task's parts as the cache holds them; a part that is not whole is left out."""
+    parts = zip(("offline", "expert"), requests(plan.suite, task, plan.protocol.recipe_for(task)), strict=True)
+    marks = {
+        part: PartCache(root, request.specification).declared_fingerprint(request.transitions)
+        for part, request in parts
+    }
+    return {part: mark for part, mark in marks.items() if mark is not None}
 
 
 def data_status(suite: str, tasks: str | None, protocol: str, root: Path) -> list[dict[str, Any]]:

@@ -65,13 +65,16 @@ def why(
     """
     from rich.markup import escape
 
+    from lfobench.cli import planned
+    from lfobench.data.cache import cache_folder
     from lfobench.store.explain import explain
     from lfobench.store.folder import RecordFolder, RecordsRead
 
     plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps))
     read = RecordFolder(out).read_all() if out.exists() else RecordsRead()
     warn(read.warnings)
-    explanations = [explain(run, read.records) for run in plan.runs]
+    in_cache = {task.name: planned.cached_fingerprints(plan, task, cache_folder()) for task in plan.tasks}
+    explanations = [explain(run, read.records, in_cache[run.cell.task.name]) for run in plan.runs]
     if as_json:
         print_json([explanation.as_json() for explanation in explanations])
         return

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -116,5 +117,20 @@ class PartCache:
             UserError: as `read` does.
         """
         shards = [self.read(shard, suite) for shard in range(self.specification.shards_for(transitions))]
-        combined = hashlib.sha256(f"{transitions}:{','.join(mark for _, mark in shards)}".encode()).hexdigest()
-        return concatenate([episodes for episodes, _ in shards]).first_transitions(transitions), combined
+        mark = _combined(transitions, [mark for _, mark in shards])
+        return concatenate([episodes for episodes, _ in shards]).first_transitions(transitions), mark
+
+    def declared_fingerprint(self, transitions: int) -> str | None:
+        """What `load` would give as fingerprint if every shard is what it says; None where one cannot be read."""
+        marks = []
+        for shard in range(self.specification.shards_for(transitions)):
+            try:
+                with safe_open(self.path(shard), framework="numpy") as file:
+                    marks.append((file.metadata() or {})["fingerprint"])
+            except (SafetensorError, OSError, KeyError):
+                return None
+        return _combined(transitions, marks)
+
+
+def _combined(transitions: int, marks: Sequence[str]) -> str:
+    return hashlib.sha256(f"{transitions}:{','.join(marks)}".encode()).hexdigest()

@@ -19,7 +19,8 @@ class Explanation:
         identity: hash of the identity that was looked for.
         reused: whether a record with that identity is there.
         headline: the decision in words.
-        differences: fields in which the nearest record differs, ``field: record's -> wanted``.
+        differences: fields in which the nearest record differs, ``field: record's -> wanted``; of a reused record
+            only its data, where the cache now holds other data under the same description.
     """
 
     run: str
@@ -38,12 +39,23 @@ class Explanation:
         }
 
 
-def explain(run: Run, records: Sequence[Record]) -> Explanation:
-    """Compare a run with the records of its method and task."""
+def explain(run: Run, records: Sequence[Record], data: Mapping[str, str]) -> Explanation:
+    """Compare a run with the records of its method and task.
+
+    Args:
+        run: what is asked for.
+        records: what there is.
+        data: fingerprints of the run's data as the cache holds it, by part; without the parts that it lacks.
+    """
     short = run.identity_hash[:12]
-    if any(record.identity_hash == run.identity_hash for record in records):
+    same = next((record for record in records if record.identity_hash == run.identity_hash), None)
+    if same is not None:
+        made_from = {part: mark for part, mark in same.provenance.get("data_fingerprints", {}).items() if part in data}
+        found = tuple(differences(made_from, data, "data_fingerprints."))
         headline = f"{run.label}: reused, identity {short}"
-        return Explanation(run.label, run.identity_hash, True, headline, ())
+        if found:
+            headline += "; made from other data than this machine's cache holds"
+        return Explanation(run.label, run.identity_hash, True, headline, found)
     kin = [record for record in records if record.method == run.cell.method.name and record.task == run.cell.task.name]
     if not kin:
         headline = f"{run.label}: will run, no record of this method on this task"

@@ -64,6 +64,13 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert [path.name for path in store.folder.iterdir()] == [store.path(4).name]
 
 
+def test_the_declared_fingerprint_is_the_one_that_loading_finds(cache: PartCache) -> None:
+    _, found = cache.load(SHARD + 1, TINY)
+    assert cache.declared_fingerprint(SHARD + 1) == found
+    assert cache.declared_fingerprint(SHARD) not in (found, None)
+    assert cache.declared_fingerprint(3 * SHARD) is None, "the third shard is not there"
+
+
 def cut(path: Path, cache: PartCache) -> None:
     path.write_bytes(path.read_bytes()[:-100])
 
