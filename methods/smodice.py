@@ -5,9 +5,12 @@ occupancy; the policy is weighted likelihood on offline actions.
 
 Paper against released code (methods.md 4.2), chosen by preset: the released optimiser of the discriminator
 leaves its first layer at the random initial values (kept in ``released``, mended in ``paper``), and the batch is
-512 where the seed paper states 1024 for every method. The released absorbing rows are kept in both presets:
-they are negatives of the discriminator and are never drawn in the main stage, and the terminal row's own
-successor is masked by ``1 - d``.
+512 where the seed paper states 1024 for every method.
+
+Kept as released in both presets: the KL weights are ``exp(e)``, not normalised; the chi^2 conjugate is the
+untruncated one although its weight is truncated; absorbing rows are negatives of the discriminator and never drawn
+in the main stage, where ``1 - d`` masks a terminal row's successor anyway; the discriminator's offline rows are
+drawn with replacement, the authors' from a shuffled pass, which a million rows do not notice.
 """
 
 from __future__ import annotations
@@ -37,7 +40,7 @@ from methods.discriminator import Discriminator, DiscriminatorConfig
 from methods.networks import Adam, Network
 from methods.policies import TanhGaussianPolicy
 
-# Learning rates that show something within 12k steps on a CPU; the released ones show nothing there.
+# 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3, "discriminator_passes": 250}
 
 
