@@ -8,7 +8,7 @@ import sys
 import typer
 
 from lfobench.cli import data, records, run, show, table
-from lfobench.cli.console import errors
+from lfobench.cli.console import errors, one_line
 from lfobench.errors import UserError
 
 app = typer.Typer(
@@ -36,11 +36,8 @@ def main() -> None:
     try:
         app()
     except UserError as error:
-        errors.print(f"[bold red]Error:[/] {_escaped(error)}", soft_wrap=True)
+        errors.print(f"[bold red]Error:[/] {one_line(str(error))}", soft_wrap=True)
         sys.exit(2)
-
-
-def _escaped(error: UserError) -> str:
-    from rich.markup import escape
-
-    return escape(str(error))
+    except KeyboardInterrupt:
+        errors.print("Stopped.")
+        sys.exit(130)

@@ -16,6 +16,13 @@ def print_json(value: Any) -> None:
     output.out(json.dumps(value, indent=2, default=str), highlight=False)
 
 
+def one_line(text: str) -> str:
+    """`text` without line breaks, shown as it is written: its brackets are no markup."""
+    from rich.markup import escape
+
+    return escape(" ".join(text.split()))
+
+
 def duration(seconds: float) -> str:
     """``5 s``, ``12 min``, ``3.4 h``."""
     if seconds < 90:

@@ -26,7 +26,7 @@ def build(
     Example: lfobench data build locomotion --tasks 'hopper-*' --protocol quick
     """
     from lfobench.cli import execution, planned
-    from lfobench.cli.run import available_cores
+    from lfobench.cli.inputs import available_cores
     from lfobench.data.cache import cache_folder
     from lfobench.files import writable_folder
 

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from lfobench.cli.console import duration, output
+from lfobench.contract.record import Record
 from lfobench.contract.suite import Task
 from lfobench.data.build import ShardJob, missing_shards
 from lfobench.data.cache import PartCache
@@ -21,7 +22,6 @@ from lfobench.plan.names import select_tasks, split_names
 from lfobench.plan.parts import SHARD_TRANSITIONS, PartRequest, requests
 from lfobench.plan.planning import Plan, choose_protocol
 from lfobench.registry import load_suite
-from lfobench.store.folder import RecordFolder
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,13 @@ class Agenda:
         return tuple(run.seed for run in self.pending if run.cell is cell)
 
 
-def agenda(plan: Plan, folder: RecordFolder, cache: Path, workers: int) -> Agenda:
-    """Hold a plan against what is on disk; writes nothing."""
+def agenda(plan: Plan, records: Sequence[Record], cache: Path, workers: int) -> Agenda:
+    """Hold a plan against the records and the dataset cache; writes nothing."""
+    there = {record.identity_hash for record in records}
     done: list[Run] = []
     pending: list[Run] = []
     for run in plan.runs:
-        (done if folder.find(run) else pending).append(run)
+        (done if run.identity_hash in there else pending).append(run)
     cells = {run.cell.task.name: run.cell for run in pending}
     wanted = [
         (name, request) for name, cell in cells.items() for request in requests(plan.suite, cell.task, cell.recipe)

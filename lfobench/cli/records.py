@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from lfobench.cli import options
-from lfobench.cli.console import errors, output, print_json
-from lfobench.cli.run import request, resolve
+from lfobench.cli.console import output, print_json
+from lfobench.cli.inputs import read_folder, request, resolve, warn
 
 if TYPE_CHECKING:
     from lfobench.contract.record import Record
@@ -68,10 +68,9 @@ def why(
     from lfobench.cli import planned
     from lfobench.data.cache import cache_folder
     from lfobench.store.explain import explain
-    from lfobench.store.folder import RecordFolder, RecordsRead
 
     plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps))
-    read = RecordFolder(out).read_all() if out.exists() else RecordsRead()
+    read = read_folder(out)
     warn(read.warnings)
     in_cache = {task.name: planned.cached_fingerprints(plan, task, cache_folder()) for task in plan.tasks}
     explanations = [explain(run, read.records, in_cache[run.cell.task.name]) for run in plan.runs]
@@ -83,14 +82,6 @@ def why(
         output.print(f"[{colour}]{escape(explanation.headline)}[/]", soft_wrap=True)
         for difference in explanation.differences:
             output.print(f"    {escape(difference)}", soft_wrap=True)
-
-
-def warn(warnings: Any) -> None:
-    """Print warnings on standard error."""
-    from rich.markup import escape
-
-    for warning in warnings:
-        errors.print(f"[yellow]Warning:[/] {escape(warning.what)} {escape(warning.remedy)}", soft_wrap=True)
 
 
 def _variant(record: Record) -> str:

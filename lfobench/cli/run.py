@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import errors, print_json
-
-if TYPE_CHECKING:
-    from lfobench.plan.planning import Plan, Request
+from lfobench.cli.inputs import available_cores, read_folder, request, resolve, warn
 
 
 def run(
@@ -38,12 +36,12 @@ def run(
     from lfobench.data.cache import cache_folder
     from lfobench.engine.probe import Prober
     from lfobench.files import writable_folder
-    from lfobench.store.folder import RecordFolder
 
     plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps))
-    folder = RecordFolder(out)
+    read = read_folder(out)
+    warn(read.warnings)
     count = workers or (1 if plan.device == "cuda" else available_cores())
-    agenda = planned.agenda(plan, folder, cache_folder(), count)
+    agenda = planned.agenda(plan, read.records, cache_folder(), count)
     with errors.status("Measuring this machine…"):
         expected = planned.forecast(agenda, Prober(plan.device))
     if as_json:
@@ -58,37 +56,3 @@ def run(
         check_present(agenda.cache, suite, (part for _, part in agenda.requests))
     writable_folder(out, "--out")
     raise typer.Exit(execution.carry_out_agenda(agenda, expected, out, quiet=as_json))
-
-
-def request(
-    methods: str,
-    suite: str,
-    tasks: str | None,
-    seeds: str | None,
-    protocol: str,
-    preset: str,
-    assign: list[str] | None,
-    source: str,
-    device: str,
-    steps: int | None,
-) -> Request:
-    """The options that ``run`` and ``why`` share, as one value."""
-    from lfobench.plan.planning import Request
-
-    return Request(methods, suite, tasks, seeds, protocol, preset, tuple(assign or ()), source, device, steps)
-
-
-def resolve(wanted: Request) -> Plan:
-    """Names to cells; torch is asked for CUDA only where it matters."""
-    import torch
-
-    from lfobench.plan.planning import make_plan
-
-    return make_plan(wanted, torch.cuda.is_available)
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -9,7 +9,7 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import output
-from lfobench.cli.records import warn
+from lfobench.cli.inputs import warn
 
 
 class Format(StrEnum):

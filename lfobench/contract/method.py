@@ -11,10 +11,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import torch
-from pydantic import BaseModel, ConfigDict, PositiveInt
+from pydantic import BaseModel, ConfigDict, PositiveInt, Strict
 from torch import Tensor
 
 from lfobench.contract.randomness import StepRandomness
@@ -36,7 +36,7 @@ Termination = Literal["teleport", "zero", "absorbing"]
 PresetName = Literal["released", "paper"]
 
 
-Widths = tuple[PositiveInt, ...]
+Widths = tuple[Annotated[PositiveInt, Strict()], ...]
 
 
 class MethodConfig(BaseModel):

@@ -12,21 +12,14 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-SCHEMA = 1
+from lfobench.contract.identity import check_identity
 
-REQUIRED_IDENTITY = (
-    "method",
-    "method_version",
-    "preset",
-    "config",
-    "task",
-    "environment",
-    "recipe",
-    "source",
-    "protocol",
-    "simulator",
-    "seed",
-)
+SCHEMA = 1
+"""Form of a record; another version's records are named and skipped."""
+
+NUMBERS = 1
+"""What equal identities stand for: raised whenever sampling, boundary rules, shared networks, the training loop or
+evaluation change a number. A method's own losses raise `Method.version` instead."""
 
 Status = Literal["finished", "diverged"]
 Statistic = Literal["last5", "last", "best"]
@@ -97,9 +90,10 @@ class Record(_Model):
 
     @model_validator(mode="after")
     def _complete(self) -> Record:
-        absent = [name for name in REQUIRED_IDENTITY if name not in self.identity]
-        if absent:
-            raise ValueError(f"its identity lacks {', '.join(absent)}")
+        check_identity(self.identity)
+        unknown = [field for field in self.labels.stated if field not in self.identity["config"]]
+        if unknown:
+            raise ValueError(f"it states {', '.join(unknown)}, which its configuration lacks")
         if self.status == "finished" and not self.evaluations:
             raise ValueError("it is finished without an evaluation")
         return self

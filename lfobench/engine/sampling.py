@@ -24,8 +24,8 @@ class StageSampler:
         self._stage = stage
         self._randomness = randomness
         self._offline_rows = view.offline.sampled if stage.steps is None else view.offline.rows
-        self._chunk = -1
-        self._offline = self._initial = self._expert = torch.empty(0)
+        self._chunk = self._epoch = -1
+        self._offline = self._initial = self._expert = self._order = torch.empty(0)
 
     def batches(self, step: int) -> tuple[Batch, Batch]:
         """Offline and expert batch ``[S, B, ...]`` of one step of the stage."""
@@ -61,8 +61,10 @@ class StageSampler:
         """Rows of a shuffled pass over the expert table; the last batch of a pass is short."""
         rows, batch = self._view.expert.sampled, self._stage.expert_batch
         epoch, within = divmod(step, -(-rows // batch))
-        order = self._randomness.permutation(f"{self._stage.name}: expert pass", epoch, rows)
-        return order[:, within * batch : (within + 1) * batch]
+        if epoch != self._epoch:
+            self._epoch = epoch
+            self._order = self._randomness.permutation(f"{self._stage.name}: expert pass", epoch, rows)
+        return self._order[:, within * batch : (within + 1) * batch]
 
 
 def check_tables(stage: Stage, offline: Table, expert: Table) -> str | None:

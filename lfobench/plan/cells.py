@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -10,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from lfobench.contract.method import Method, MethodConfig, PresetName
-from lfobench.contract.record import SCHEMA, Labels, content_hash
+from lfobench.contract.record import NUMBERS, Labels, content_hash
 from lfobench.contract.suite import Recipe, Task
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.protocol import Protocol
@@ -56,7 +57,7 @@ class Cell:
         """Every field that decides the numbers, except the seed. Written down here and nowhere else."""
         environment = self.task.environment
         return {
-            "schema": SCHEMA,
+            "schema": NUMBERS,
             "method": self.method.name,
             "method_version": self.method.version,
             "preset": self.preset,
@@ -155,7 +156,7 @@ def configure(method: type[Method], preset: str, protocol: Protocol, assigned: M
         first = error.errors()[0]
         field = ".".join(str(part) for part in first["loc"])
         raise UserError(
-            f"--set {method.name}.{field}={first['input']!r}: {first['msg'].lower()}.",
+            f"--set {method.name}.{field}={reprlib.repr(first['input'])}: {first['msg'].lower()}.",
             f"'lfobench show {method.name}' lists the fields with their types.",
         ) from error
     before = method.Config.model_validate(plain).model_dump(mode="json")

@@ -12,6 +12,7 @@ from lfobench.contract.suite import Task
 from lfobench.errors import UserError, unknown_name
 
 MAX_SEED = 2**32 - 1
+MAX_RANGE = 10_000
 
 
 def split_names(text: str) -> list[str]:
@@ -27,13 +28,19 @@ def parse_seeds(text: str) -> list[int]:
     """
     seeds: dict[int, None] = {}
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d{1,10})\s*(?:-\s*(\d{1,10})\s*)?", part)
-        first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
-        if first > last or last > MAX_SEED or last - first >= 10_000:
+        match = re.fullmatch(r"\s*([0-9]+)\s*(?:-\s*([0-9]+)\s*)?", part)
+        # As floats first: int() refuses thousands of digits with an error of its own.
+        first, last = (float(match[1]), float(match[2] or match[1])) if match else (1.0, 0.0)
+        if first > last:
             raise UserError(
                 f"'{text}' is not a list of seeds.", "Write numbers and rising ranges: --seeds 0-6 or 0,3,5."
             )
-        seeds.update(dict.fromkeys(range(first, last + 1)))
+        if last > MAX_SEED or last - first >= MAX_RANGE:
+            raise UserError(
+                f"'{text}' is out of range: a seed is at most {MAX_SEED}, a range at most {MAX_RANGE:,} seeds long.",
+                "Write, for example, --seeds 0-6.",
+            )
+        seeds.update(dict.fromkeys(range(int(first), int(last) + 1)))
     return list(seeds)
 
 
@@ -79,5 +86,5 @@ def _value(text: str) -> Any:
         return None
     try:
         return json.loads(text)
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
         return {"true": True, "false": False}.get(text.strip().lower(), text)

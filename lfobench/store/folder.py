@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from lfobench.contract.identity import first_problem
 from lfobench.contract.record import SCHEMA, Record, Warning, content_hash
 from lfobench.errors import UserError
 from lfobench.files import remove_leftovers, write_text
@@ -70,18 +71,27 @@ class RecordFolder:
     def read_all(self) -> RecordsRead:
         """Every record below the folder, and a warning for every JSON file there that is not one.
 
+        A run leaves one record. Copies of it, as two merged folders have, count once; two records of one run that
+        differ in what they measured do not count at all.
+
         Raises:
             UserError: when the folder does not exist.
         """
         if not self.root.is_dir():
             raise UserError(f"No folder {self.root}.", "Run 'lfobench run' first, or name another with --out.")
-        read = RecordsRead()
+        found: dict[str, list[tuple[Path, Record]]] = {}
+        warnings = []
         for path in sorted(self.root.rglob("*.json")):
             outcome = read_record(path)
             if isinstance(outcome, Record):
-                read.records.append(outcome)
+                found.setdefault(outcome.identity_hash, []).append((path, outcome))
             else:
-                read.warnings.append(outcome)
+                warnings.append(outcome)
+        read = RecordsRead(warnings=warnings)
+        for copies in found.values():
+            read.warnings += _copies(copies)
+            if not _contradict(copies):
+                read.records.append(copies[0][1])
         return read
 
 
@@ -93,19 +103,34 @@ class RecordsRead:
     warnings: list[Warning] = field(default_factory=list)
 
 
+def _contradict(copies: Sequence[tuple[Path, Record]]) -> bool:
+    return any(record.measured() != copies[0][1].measured() for _, record in copies)
+
+
+def _copies(copies: Sequence[tuple[Path, Record]]) -> list[Warning]:
+    """What to say of several files that are records of one run."""
+    if len(copies) == 1:
+        return []
+    paths = ", ".join(str(path) for path, _ in copies)
+    if _contradict(copies):
+        what = f"{paths} are records of one run and differ in what they measured, so none of them counts."
+        return [Warning(what=what, remedy="Keep the one you trust; 'lfobench why' tells what they were made from.")]
+    return [Warning(what=f"{paths} are copies of one record, which counts once.", remedy="Remove all but one.")]
+
+
 def read_record(path: Path) -> Record | Warning:
     """One record, or the reason why the file is not one of ours."""
     try:
         content = json.loads(path.read_bytes())
+        if isinstance(content, dict) and content.get("schema_version", SCHEMA) != SCHEMA:
+            cause = f"its schema is {content['schema_version']}, this version reads {SCHEMA}"
+            return Warning(what=f"{path} was skipped: {cause}.", remedy="Run it again, or use the version it is from.")
         seal = content.pop(SEAL, None) if isinstance(content, dict) else None
         record = Record.model_validate(content)
         intact = seal == content_hash(content)
     except (OSError, ValueError, RecursionError) as error:
-        cause = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+        cause = first_problem(error) if isinstance(error, ValidationError) else str(error)
         return Warning(what=f"{path} is not a record of lfobench and was skipped ({cause}).", remedy="Move it away.")
-    if record.schema_version != SCHEMA:
-        cause = f"its schema is {record.schema_version}, this version reads {SCHEMA}"
-        return Warning(what=f"{path} was skipped: {cause}.", remedy="Run it again, or use the version that wrote it.")
     if not intact or content_hash(record.identity) != record.identity_hash:
         what = f"{path} was skipped: it does not match its seal, so it was edited after it was written."
         return Warning(what=what, remedy="Delete it and run again.")

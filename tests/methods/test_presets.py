@@ -92,11 +92,18 @@ STATED: list[tuple[str, PresetName, dict[str, Any]]] = [
     (
         "bco",
         "released",
-        {"batch_size": 1024, "inverse_dynamics_learning_rate": 3e-4, "policy_learning_rate": 1e-4},
+        {
+            "batch_size": 1024,
+            "hidden": (256, 256),
+            "inverse_dynamics_epochs": 5,
+            "inverse_dynamics_learning_rate": 3e-4,
+            "policy_learning_rate": 1e-4,
+        },
     ),
     ("bc", "released", {"batch_size": 512, "loss": "entropy-constrained", "learning_rate": 3e-4}),
     ("bc", "paper", {"batch_size": 1024, "loss": "likelihood"}),
     ("bc-expert", "released", {"batch_size": 512, "loss": "entropy-constrained", "learning_rate": 3e-4}),
+    ("bc-expert", "paper", {"batch_size": 1024, "loss": "likelihood"}),
 ]
 
 

@@ -27,11 +27,15 @@ def test_seeds(text: str, seeds: list[int]) -> None:
     assert parse_seeds(text) == seeds
 
 
-@pytest.mark.parametrize(
-    "text", ["", "x", "0-", "-3", "3-1", "1.5", "0,,1", "0-1-2", "1 2", "0-99999999", str(MAX_SEED + 1), "0x1", "all"]
-)
+@pytest.mark.parametrize("text", ["", "x", "0-", "-3", "3-1", "1.5", "0,,1", "0-1-2", "1 2", "0x1", "all", "٣"])
 def test_what_is_not_a_list_of_seeds(text: str) -> None:
     with pytest.raises(UserError, match=r"is not a list of seeds.*--seeds 0-6"):
+        parse_seeds(text)
+
+
+@pytest.mark.parametrize("text", ["0-99999999", str(MAX_SEED + 1), "9" * 5000, "0-" + "9" * 5000])
+def test_seeds_out_of_range(text: str) -> None:
+    with pytest.raises(UserError, match=r"is out of range: a seed is at most 4294967295, a range at most 10,000"):
         parse_seeds(text)
 
 

@@ -112,6 +112,10 @@ def test_a_chosen_protocol_and_auto_are_one_run() -> None:
         (Request("bc", TINY, device="gpu"), r"Unknown device 'gpu'"),
         (Request("bc", TINY, device="cuda"), r"No CUDA device.*--device cpu"),
         (Request("bc", TINY, assignments=("dilo.tau=3",)), r"Unknown method in --set 'dilo'"),
+        (Request("bc", TINY, assignments=(f"bc.learning_rate={'9' * 5000}",)), r"--set bc.learning_rate="),
+        (Request("bc", TINY, assignments=(f"bc.learning_rate={'[' * 100_000}",)), r"--set bc.learning_rate="),
+        (Request("bc", TINY, assignments=("bc.hidden=[true]",)), r"--set bc.hidden"),
+        (Request("bc", TINY, assignments=("bc.hidden=[1.0]",)), r"--set bc.hidden"),
         (Request("bc", TINY, assignments=("bc.tau=3",)), r"Unknown field of bc in --set 'tau'"),
     ],
 )

@@ -13,7 +13,7 @@ from helpers_engine import POLE_TASK, smoke_cell
 from lfobench.contract.record import Evaluation, Metrics, Record, Warning, content_hash
 from lfobench.errors import UserError
 from lfobench.plan.cells import Run
-from lfobench.store.folder import RecordFolder, read_record, select
+from lfobench.store.folder import SEAL, RecordFolder, read_record, select
 
 
 def record_of(run: Run, **changes: Any) -> Record:
@@ -161,9 +161,70 @@ def test_numbers_that_json_does_not_know_are_not_ours(folder: RecordFolder, run:
     assert str(path) in read.warnings[0].what
 
 
+def other_place(folder: RecordFolder) -> RecordFolder:
+    return RecordFolder(folder.root / "merged")
+
+
+def test_copies_of_one_record_count_once_and_are_named(folder: RecordFolder, run: Run) -> None:
+    record = record_of(run)
+    paths = [folder.write(run, record), other_place(folder).write(run, record_of(run, provenance={"elsewhere": True}))]
+    read = folder.read_all()
+    assert [found.measured() for found in read.records] == [record.measured()]
+    (warning,) = read.warnings
+    assert all(str(path) in warning.what for path in paths)
+
+
+def test_records_of_one_run_that_contradict_each_other_do_not_count(folder: RecordFolder, run: Run) -> None:
+    paths = [folder.write(run, record_of(run)), other_place(folder).write(run, record_of(run, metrics=[]))]
+    read = folder.read_all()
+    assert read.records == []
+    (warning,) = read.warnings
+    assert all(str(path) in warning.what for path in paths)
+
+
+@pytest.mark.parametrize(
+    ("leaf", "value"),
+    [
+        (("protocol",), "x"),
+        (("protocol", "steps_assigned"), None),
+        (("seed",), "abc"),
+        (("environment",), {}),
+        (("environment", "expert_return"), 5.0),
+        (("config",), {}),
+        (("simulator",), [1]),
+    ],
+    ids=lambda value: ".".join(value) if isinstance(value, tuple) else "",
+)
+def test_a_sealed_record_that_tables_cannot_read_is_not_ours(
+    folder: RecordFolder, run: Run, leaf: tuple[str, ...], value: object
+) -> None:
+    """Whoever wrote it, no view may stumble over it later."""
+    path = folder.write(run, record_of(run))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content["identity"]["environment"]["random_return"] = 5.0 if leaf[-1] == "expert_return" else 4.0
+    place = content["identity"]
+    for key in leaf[:-1]:
+        place = place[key]
+    place[leaf[-1]] = value
+    content["identity_hash"] = content_hash(content["identity"])
+    del content[SEAL]
+    path.write_text(json.dumps({**content, SEAL: content_hash(content)}), encoding="utf-8")
+    read = folder.read_all()
+    assert read.records == []
+    assert str(path) in read.warnings[0].what
+
+
+def test_a_problem_is_named_with_its_place(folder: RecordFolder, run: Run) -> None:
+    path = folder.write(run, record_of(run))
+    edit(path, "labels", value={"suite": "s"})
+    (warning,) = folder.read_all().warnings
+    assert "labels.group: Field required" in warning.what
+
+
 def test_records_of_another_schema_are_named(folder: RecordFolder, run: Run) -> None:
     path = folder.write(run, record_of(run))
     edit(path, "schema_version", value=99)
+    edit(path, "evaluations", value="in another form")
     (warning,) = folder.read_all().warnings
     assert "99" in warning.what
     assert str(path) in warning.what

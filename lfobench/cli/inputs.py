@@ -1,0 +1,64 @@
+"""What several commands begin with: options to a plan, a folder to its records."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from lfobench.cli.console import errors, one_line
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from lfobench.plan.planning import Plan, Request
+    from lfobench.store.folder import RecordsRead
+
+
+def request(
+    methods: str,
+    suite: str,
+    tasks: str | None,
+    seeds: str | None,
+    protocol: str,
+    preset: str,
+    assign: list[str] | None,
+    source: str,
+    device: str,
+    steps: int | None,
+) -> Request:
+    """The options that ``run`` and ``why`` share, as one value."""
+    from lfobench.plan.planning import Request
+
+    return Request(methods, suite, tasks, seeds, protocol, preset, tuple(assign or ()), source, device, steps)
+
+
+def resolve(wanted: Request) -> Plan:
+    """Names to cells; torch is asked for CUDA only where it matters."""
+    import torch
+
+    from lfobench.plan.planning import make_plan
+
+    return make_plan(wanted, torch.cuda.is_available)
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    import os
+
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def read_folder(out: Path) -> RecordsRead:
+    """The records of an output folder; none where it does not exist yet."""
+    from lfobench.errors import UserError
+    from lfobench.store.folder import RecordFolder, RecordsRead
+
+    try:
+        return RecordFolder(out).read_all() if out.exists() else RecordsRead()
+    except OSError as error:
+        raise UserError(f"Cannot look into {out}: {error.strerror}.", "Choose another --out.") from error
+
+
+def warn(warnings: Any) -> None:
+    """Print warnings on standard error."""
+    for warning in warnings:
+        errors.print(f"[yellow]Warning:[/] {one_line(f'{warning.what} {warning.remedy}')}", soft_wrap=True)

@@ -1,0 +1,74 @@
+"""The fields of an identity that views of a record read; a record that lacks one is not one of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, FiniteFloat, StrictBool, StrictInt, ValidationError, model_validator
+
+
+class _Fields(BaseModel):
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+
+class _Environment(_Fields):
+    id: str
+    random_return: FiniteFloat
+    expert_return: FiniteFloat
+
+    @model_validator(mode="after")
+    def _scale(self) -> _Environment:
+        if self.random_return == self.expert_return:
+            raise ValueError("its two reference returns are equal, so there is no score")
+        return self
+
+
+class _Recipe(_Fields):
+    offline_transitions: StrictInt
+    expert_trajectories: StrictInt
+    demonstration_rows: StrictInt
+
+
+class _Protocol(_Fields):
+    name: str
+    steps: StrictInt
+    steps_assigned: StrictBool
+    evaluation_every: StrictInt
+    evaluation_episodes: StrictInt
+
+
+class _Identity(_Fields):
+    method: str
+    method_version: StrictInt
+    preset: str
+    config: dict[str, Any]
+    overrides: dict[str, Any]
+    set: dict[str, Any]
+    task: str
+    environment: _Environment
+    recipe: _Recipe
+    source: str
+    protocol: _Protocol
+    simulator: dict[str, str]
+    seed: StrictInt
+
+
+def check_identity(identity: Mapping[str, Any]) -> None:
+    """Refuse an identity without the fields that tables read.
+
+    Raises:
+        ValueError: naming the first field that is missing or of the wrong kind.
+    """
+    try:
+        _Identity.model_validate(identity)
+    except ValidationError as error:
+        raise ValueError(first_problem(error, "identity")) from error
+
+
+def first_problem(error: ValidationError, *prefix: str) -> str:
+    """The first problem as ``identity.protocol.name: field required``."""
+    problem = error.errors()[0]
+    place = ".".join([*prefix, *map(str, problem["loc"])])
+    message = problem["msg"].removeprefix("Value error, ")
+    return f"{place}: {message}" if place else message
