@@ -43,6 +43,12 @@ def test_a_suite_file_may_hold_whatever_a_module_may(tmp_path: Path) -> None:
     assert len(load_suite(str(path)).tasks) == 2
 
 
+def changed(old: str, new: str) -> str:
+    source = Path(TINY).read_text(encoding="utf-8")
+    assert old in source
+    return source.replace(old, new)
+
+
 @pytest.mark.parametrize(
     ("source", "message"),
     [
@@ -50,6 +56,13 @@ def test_a_suite_file_may_hold_whatever_a_module_may(tmp_path: Path) -> None:
         ("SUITE = 3", "defines no SUITE"),
         ("raise RuntimeError('broken')", "cannot be run: RuntimeError: broken"),
         ("def f(:", "cannot be run: SyntaxError"),
+        (changed("(_task(", "(_task('random', 20), _task("), "two tasks named pole-random-expert"),
+        (changed('(_task("random", 20), _task("medium", 10))', "()"), "suite 'tiny' has no task"),
+        (changed("60, 5.0, 60.0", "60, 5.0, 5.0"), "environment 'pole' has two equal reference returns"),
+        (changed("60, 5.0, 60.0", "0, 5.0, 60.0"), "environment 'pole' has horizon 0"),
+        (changed("60, 5.0, 60.0", "60, 5.0, 60.0, {'f': print}"), "environment 'pole' has arguments that are not"),
+        (changed("3_000", "0"), "a recipe's offline_transitions is 0"),
+        (changed("trajectories, 60", "trajectories, 0"), "a recipe's demonstration_rows is 0"),
         ("import no_such_module", "cannot be run: ModuleNotFoundError"),
     ],
 )

@@ -11,8 +11,8 @@ from types import FrameType
 
 from rich.markup import escape
 
+from lfobench.cli.agenda import Agenda, Forecast
 from lfobench.cli.console import errors
-from lfobench.cli.planned import Agenda, Forecast
 from lfobench.cli.progress import JobLine, OverallLine, display
 from lfobench.data.build import ShardJob, build
 from lfobench.data.cache import GENERATED
@@ -73,7 +73,7 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
         with stop.listening():
             build_data(agenda.shards, agenda.workers, stop, quiet)
             RecordFolder(out).remove_leftovers()
-            tally = Tally() if stop() else _train(jobs(agenda, out), agenda, expected, out, stop, quiet)
+            tally = Tally() if stop() else _train(agenda, expected, out, stop, quiet)
     except KeyboardInterrupt:
         stop.asked = True
         tally = Tally()
@@ -84,21 +84,11 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
         errors.print(f"[bold red]{tally.failed} failed.[/] The same command tries them again.")
         return 1
     if tally.busy:
-        errors.print(f"{tally.busy} left to the other process that is training them; nothing else is missing.")
-        return 0
+        errors.print(f"{tally.busy} left to the other process that is training them. Run again to see them done.")
+        return 1
     if not quiet:
         errors.print(f"Done. Next: lfobench table --out {escape(str(out))}", soft_wrap=True)
     return 0
-
-
-def jobs(agenda: Agenda, out: Path) -> list[Job]:
-    """On CUDA one job per cell with all its seeds; on a CPU one per run, to be spread over processes."""
-    found = []
-    for cell in agenda.plan.cells:
-        seeds = agenda.pending_seeds(cell)
-        groups = [seeds] if agenda.plan.device == "cuda" else [(seed,) for seed in seeds]
-        found += [Job(cell, group, out, agenda.cache, agenda.plan.device) for group in groups if group]
-    return found
 
 
 def build_data(shards: Sequence[ShardJob], workers: int, stop: StopRequest, quiet: bool = False) -> None:
@@ -118,10 +108,10 @@ def build_data(shards: Sequence[ShardJob], workers: int, stop: StopRequest, quie
         errors.print(f"Built {len(shards)} shards.")
 
 
-def _train(work: Sequence[Job], agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, quiet: bool) -> Tally:
-    tally = Tally()
+def _train(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, quiet: bool) -> Tally:
+    tally, work = Tally(), agenda.jobs
     with display(quiet) as shown:
-        overall = OverallLine(shown.bars, work, agenda, expected)
+        overall = OverallLine(shown.bars, agenda, expected)
         lines: dict[int, JobLine] = {}
         for event in _events(work, agenda.workers, stop):
             job, what = work[event.index], event.what
@@ -152,7 +142,7 @@ def _events(work: Sequence[Job], workers: int, stop: StopRequest) -> Iterator[Ev
 
 def _report(ended: Ended, job: Job, out: Path) -> None:
     if ended.outcome == "busy":
-        errors.print(f"{escape(job.cell.label)}: skipped, {ended.message}.")
+        errors.print(f"{escape(', '.join(run.label for run in job.runs))}: skipped, {ended.message}.")
     if ended.outcome != "failed":
         return
     errors.print(f"[bold red]Failed:[/] {escape(job.cell.label)}: {escape(ended.message)}", soft_wrap=True)

@@ -1,103 +1,24 @@
-"""What a command will do: the plan held against the records and the dataset cache."""
+"""What a command will do, shown before it is done; what data there is for it."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
+from lfobench.cli.agenda import Agenda, Forecast
 from lfobench.cli.console import duration, output
-from lfobench.contract.record import Record
+from lfobench.cli.inputs import warn
 from lfobench.contract.suite import Task
 from lfobench.data.build import ShardJob, missing_shards
 from lfobench.data.cache import PartCache
-from lfobench.engine.probe import Prober
-from lfobench.plan.cells import Cell, Run
 from lfobench.plan.names import select_tasks, split_names
-from lfobench.plan.parts import SHARD_TRANSITIONS, PartRequest, requests
+from lfobench.plan.parts import PartRequest, requests
 from lfobench.plan.planning import Plan, choose_protocol
 from lfobench.registry import load_suite
-
-
-@dataclass(frozen=True)
-class Agenda:
-    """A plan and what is left of it.
-
-    Attributes:
-        plan: everything asked for.
-        done: runs whose record is there.
-        pending: runs still to do.
-        requests: the generated parts that they read, by task.
-        shards: what of those is still to build.
-        cache: root of the dataset cache.
-        workers: processes to use.
-    """
-
-    plan: Plan
-    done: Sequence[Run]
-    pending: Sequence[Run]
-    requests: Sequence[tuple[str, PartRequest]]
-    shards: Sequence[ShardJob]
-    cache: Path
-    workers: int
-
-    def pending_seeds(self, cell: Cell) -> tuple[int, ...]:
-        """Seeds of one cell still to do."""
-        return tuple(run.seed for run in self.pending if run.cell is cell)
-
-
-def agenda(plan: Plan, records: Sequence[Record], cache: Path, workers: int) -> Agenda:
-    """Hold a plan against the records and the dataset cache; writes nothing."""
-    there = {record.identity_hash for record in records}
-    done: list[Run] = []
-    pending: list[Run] = []
-    for run in plan.runs:
-        (done if run.identity_hash in there else pending).append(run)
-    cells = {run.cell.task.name: run.cell for run in pending}
-    wanted = [
-        (name, request) for name, cell in cells.items() for request in requests(plan.suite, cell.task, cell.recipe)
-    ]
-    suite = plan.cells[0].suite
-    return Agenda(plan, done, pending, wanted, missing_shards(cache, suite, wanted), cache, workers)
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """How long an agenda will take on this machine.
-
-    Attributes:
-        run_seconds: per pending run, were it alone on a core or device.
-        total_seconds: data and runs, spread over the workers.
-    """
-
-    run_seconds: Sequence[float]
-    total_seconds: float
-
-
-def forecast(agenda: Agenda, prober: Prober) -> Forecast:
-    """Estimate every pending run from the probe."""
-    cells = {id(run.cell): run.cell for run in agenda.pending}
-    seconds = {key: prober.estimate(cell).total for key, cell in cells.items()}
-    run_seconds = [seconds[id(run.cell)] for run in agenda.pending]
-    spread = sum(run_seconds) / agenda.workers
-    data = _building_seconds(agenda, prober) / min(agenda.workers, len(agenda.shards) or 1)
-    return Forecast(run_seconds, data + max([spread, *run_seconds]))
-
-
-def _building_seconds(agenda: Agenda, prober: Prober) -> float:
-    """Of making the missing shards one after another."""
-    suite, tasks = agenda.plan.suite, {task.name: task for task in agenda.plan.tasks}
-    seconds = 0.0
-    for (task, level), shards in Counter((job.task, job.level) for job in agenda.shards).items():
-        environment = tasks[task].environment
-        demonstrator = suite.demonstrator(environment.name, level)
-        seconds += shards * SHARD_TRANSITIONS * prober.generation(environment, demonstrator)
-    return seconds
 
 
 def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
@@ -112,6 +33,7 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
         counts = [sum((name, task.name, seed) in finished for seed in plan.seeds) for name in methods]
         table.add_row(escape(task.name), *(f"{count}/{len(plan.seeds)}" for count in counts))
     output.print(table)
+    warn(expected.warnings)
     protocol = plan.protocol
     reason = f" ({plan.protocol_reason})" if plan.protocol_reason else ""
     output.print(f"protocol  {protocol.name}{reason}: {protocol.summary}")
@@ -140,6 +62,7 @@ def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
         "workers": agenda.workers,
         "shards_to_build": len(agenda.shards),
         "estimated_seconds": round(expected.total_seconds, 1),
+        "warnings": [warning.model_dump() for warning in expected.warnings],
         "runs": [
             {
                 "method": run.cell.method.name,

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.text import Text
 
+from lfobench.cli.agenda import Agenda, Forecast
 from lfobench.cli.console import duration, errors
-from lfobench.cli.planned import Agenda, Forecast
 from lfobench.engine.job import Job
 from lfobench.engine.training import Advance
 
@@ -68,10 +68,9 @@ def _log_line(task: Task) -> Text:
 class OverallLine:
     """The progress line of everything, in expected seconds, so that its ETA weighs slow methods as slow."""
 
-    def __init__(self, bars: Progress, work: Sequence[Job], agenda: Agenda, expected: Forecast) -> None:
-        seconds = dict(zip((run.identity_hash for run in agenda.pending), expected.run_seconds, strict=True))
-        self._weights = [sum(seconds[run.identity_hash] for run in job.runs) for job in work]
-        self._fractions = [0.0] * len(work)
+    def __init__(self, bars: Progress, agenda: Agenda, expected: Forecast) -> None:
+        self._weights = expected.job_seconds
+        self._fractions = [0.0] * len(agenda.jobs)
         self._bars, self._done, self._wanted = bars, len(agenda.done), len(agenda.plan.runs)
         self._task = bars.add_task("[bold]All runs[/]", total=sum(self._weights), count=self._count, note="runs done")
 

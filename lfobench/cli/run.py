@@ -31,28 +31,30 @@ def run(
 
     Example: lfobench run --methods dilo,smodice --suite locomotion --tasks 'hopper-*' --seeds 0-2
     """
-    from lfobench.cli import execution, planned
+    from lfobench.cli import agenda, execution, planned
     from lfobench.data.build import check_present
     from lfobench.data.cache import cache_folder
     from lfobench.engine.probe import Prober
     from lfobench.files import writable_folder
+    from lfobench.plan.parts import build_command
 
     plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps))
     read = read_folder(out)
     warn(read.warnings)
     count = workers or (1 if plan.device == "cuda" else available_cores())
-    agenda = planned.agenda(plan, read.records, cache_folder(), count)
+    todo = agenda.agenda(plan, read.records, out, cache_folder(), count)
     with errors.status("Measuring this machine…"):
-        expected = planned.forecast(agenda, Prober(plan.device))
+        expected = agenda.forecast(todo, Prober(plan.device))
     if as_json:
-        print_json(planned.as_json(agenda, expected))
+        print_json(planned.as_json(todo, expected))
     else:
-        planned.show(agenda, expected, out)
-    if dry_run or not agenda.pending:
+        planned.show(todo, expected, out)
+    if dry_run or not todo.jobs:
         return
-    if agenda.shards:
-        writable_folder(agenda.cache, "LFOBENCH_CACHE")
+    if todo.shards:
+        writable_folder(todo.cache, "LFOBENCH_CACHE")
     with errors.status("Checking the data…"):
-        check_present(agenda.cache, suite, (part for _, part in agenda.requests))
+        parts = [part for _, part in todo.requests]
+        check_present(todo.cache, parts, build_command(suite, plan.protocol.name))
     writable_folder(out, "--out")
-    raise typer.Exit(execution.carry_out_agenda(agenda, expected, out, quiet=as_json))
+    raise typer.Exit(execution.carry_out_agenda(todo, expected, out, quiet=as_json))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
@@ -11,6 +13,8 @@ from lfobench.cli import options
 from lfobench.cli.console import output, print_json
 
 if TYPE_CHECKING:
+    from pydantic.fields import FieldInfo
+
     from lfobench.contract.method import Method
     from lfobench.contract.suite import Task
     from lfobench.plan.protocol import Protocol
@@ -55,17 +59,26 @@ def list_names(
 
 
 def _methods() -> list[dict[str, Any]]:
-    from lfobench.registry import load_method, method_names
+    from lfobench.registry import method_names
 
-    return [
-        {
-            "name": name,
-            "expert actions": "yes" if (method := load_method(name)).access_to_expert_actions else "no",
-            "presets": ", ".join(method.presets),
-            "summary": _first_line(method),
-        }
-        for name in method_names()
-    ]
+    return [_method_row(name) for name in method_names()]
+
+
+def _method_row(name: str) -> dict[str, Any]:
+    from lfobench.errors import UserError
+    from lfobench.registry import load_method
+
+    try:
+        method = load_method(name)
+    except UserError as error:
+        # Somebody's broken package must not take the list along.
+        return {"name": name, "expert actions": "", "presets": "", "summary": str(error)}
+    return {
+        "name": name,
+        "expert actions": "yes" if method.access_to_expert_actions else "no",
+        "presets": ", ".join(method.presets),
+        "summary": _first_line(method),
+    }
 
 
 def _suites() -> list[dict[str, Any]]:
@@ -110,13 +123,16 @@ def show(
     from lfobench.plan.protocol import PROTOCOLS
     from lfobench.registry import load_method, load_suite, method_names, suite_names
 
-    tasks = {task.name: task for task in load_suite(suite).tasks}
+    loaded = load_suite(suite)
+    tasks = {task.name: task for task in loaded.tasks}
     if name in method_names():
         _show_method(load_method(name), as_json)
     elif name in tasks:
         _show_task(suite, tasks[name], protocol, as_json)
     elif name in PROTOCOLS:
         _show_fields(PROTOCOLS[name], as_json)
+    elif name == loaded.name:
+        list_names(Kind.tasks, suite, as_json)
     elif name in suite_names():
         list_names(Kind.tasks, name, as_json)
     else:
@@ -124,11 +140,12 @@ def show(
 
 
 def _show_method(method: type[Method], as_json: bool) -> None:
+    from rich.markup import escape
     from rich.table import Table
 
     rows = []
     for field, info in method.Config.model_fields.items():
-        row: dict[str, Any] = {"field": field}
+        row: dict[str, Any] = {"field": field, "takes": _takes(info)}
         row |= {preset: changes.get(field, info.default) for preset, changes in method.presets.items()}
         row |= {budget: changes.get(field, "") for budget, changes in method.budgets.items()}
         rows.append(row)
@@ -136,24 +153,56 @@ def _show_method(method: type[Method], as_json: bool) -> None:
     if as_json:
         print_json({"method": method.name, "fields": rows, "descriptions": descriptions})
         return
-    output.print(f"[bold]{method.name}[/] (version {method.version}): {_first_line(method)}", soft_wrap=True)
+    output.print(f"[bold]{method.name}[/] (version {method.version}): {escape(_first_line(method))}", soft_wrap=True)
     table = Table(caption="The presets, then what a protocol changes for its budget. Bold: the presets differ.")
-    for column, header in enumerate(rows[0]):
-        table.add_column(header, no_wrap=column == 0)
+    # What a field takes stands with its description below: here it would squeeze the numbers.
+    headers = [header for header in rows[0] if header != "takes"]
+    for header in headers:
+        table.add_column(header, no_wrap=header == "field", overflow="fold")
     for row in rows:
         differ = len({str(row[preset]) for preset in method.presets}) > 1
-        table.add_row(*(str(value) for value in row.values()), style="bold" if differ else None)
+        table.add_row(*(escape(_spelling(row[header])) for header in headers), style="bold" if differ else None)
     output.print(table)
-    for field, description in descriptions.items():
-        output.print(f"[bold]{field}[/]: {description}", soft_wrap=True)
+    for row in rows:
+        description = escape(str(descriptions[row["field"]]))
+        output.print(f"[bold]{row['field']}[/] ({escape(row['takes'])}): {description}", soft_wrap=True)
+
+
+def _spelling(value: Any) -> str:
+    """A value as ``--set`` takes it."""
+    return value if isinstance(value, str) else "none" if value is None else json.dumps(value)
+
+
+def _takes(field: FieldInfo) -> str:
+    """What a field accepts: ``kl | chi2``, ``int, >= 1``, ``float or none, > 0``."""
+    kinds = {int: "int", float: "float", bool: "true or false", str: "text", type(None): "none"}
+    parts = get_args(field.annotation) if get_origin(field.annotation) is UnionType else (field.annotation,)
+    words = []
+    for part in parts:
+        if get_origin(part) is Literal:
+            words.append(" | ".join(map(str, get_args(part))))
+        elif get_origin(part) is tuple:
+            words.append("list of int")
+        else:
+            words.append(kinds.get(part, str(part)))
+    signs = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
+    bounds = [
+        f"{sign} {getattr(bound, name)}"
+        for bound in field.metadata
+        for name, sign in signs.items()
+        if hasattr(bound, name)
+    ]
+    return ", ".join([" or ".join(words), *bounds])
 
 
 def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> None:
     import torch
+    from rich.markup import escape
 
     from lfobench.cli import planned
     from lfobench.data.cache import cache_folder
     from lfobench.data.source import load_task, manifest
+    from lfobench.plan.parts import build_command
     from lfobench.plan.planning import choose_protocol
     from lfobench.registry import load_suite
 
@@ -161,7 +210,8 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
     recipe = protocol.recipe_for(task)
     status = planned.data_status(suite, task.name, protocol.name, cache_folder())
     complete = all(row["shards_present"] == row["shards"] for row in status)
-    counted = manifest(load_task(cache_folder(), load_suite(suite), task, recipe)) if complete else None
+    rebuild = build_command(suite, protocol.name, task.name)
+    counted = manifest(load_task(cache_folder(), load_suite(suite), task, recipe, rebuild)) if complete else None
     if as_json:
         print_json({"task": planned.plain(task), "recipe": planned.plain(recipe), "manifest": planned.plain(counted)})
         return
@@ -174,7 +224,7 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
         soft_wrap=True,
     )
     if counted is None:
-        output.print(f"data not built yet: lfobench data build {suite} --tasks {task.name}", soft_wrap=True)
+        output.print(f"data not built yet: {escape(rebuild)}", soft_wrap=True)
         return
     for line in counted.sentences():
         output.print(line, soft_wrap=True)
@@ -183,7 +233,7 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
 def _show_fields(protocol: Protocol, as_json: bool) -> None:
     from lfobench.cli import planned
 
-    fields = planned.plain(protocol)
+    fields = {name: value for name, value in planned.plain(protocol).items() if name != "assigned_steps"}
     if as_json:
         print_json(fields)
         return

@@ -36,8 +36,9 @@ def table(
         Statistic, typer.Option("--stat", help="Score of a run: mean of the last 5 evaluations, last, or best.")
     ] = Statistic.last5,
     alpha: Annotated[float, typer.Option(min=0.0, max=1.0, help="Level of the test behind the highlights.")] = 0.05,
-    suite: Annotated[str | None, typer.Option(help="Only records of this suite.")] = None,
+    suite: Annotated[str | None, typer.Option(help="Only records of this suite (name, or path of its file).")] = None,
     protocol: Annotated[str | None, typer.Option(help="Only records of this protocol.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Only records of this many gradient steps.")] = None,
     source: Annotated[str | None, typer.Option(help="Only records of this source.")] = None,
     preset: Annotated[str | None, typer.Option(help="Only records of this preset.")] = None,
     methods: Annotated[str | None, typer.Option(help="Comma-separated methods, in column order.")] = None,
@@ -56,7 +57,9 @@ def table(
 
     read = RecordFolder(out).read_all()
     warn(read.warnings)
-    records = select(read.records, suite=suite, protocol=protocol, source=source, preset=preset)
+    given = load_suite(suite) if suite is not None and suite.endswith(".py") else None
+    name = given.name if given else suite
+    records = select(read.records, suite=name, protocol=protocol, steps=steps, source=source, preset=preset)
     columns = split_names(methods or "")
     present = {record.method for record in records}
     for name in columns:
@@ -69,8 +72,9 @@ def table(
         )
     if columns:
         records = [record for record in records if record.method in columns]
-    known = [name for name in suite_names() if any(record.labels.suite == name for record in records)]
-    tasks = [task.name for name in known for task in load_suite(name).tasks]
+    present_suites = {record.labels.suite for record in records}
+    known = [given] if given else [load_suite(name) for name in suite_names() if name in present_suites]
+    tasks = [task.name for known_suite in known for task in known_suite.tasks]
     order = columns or options.DEFAULT_METHODS.split(",")
     built = build_table(records, statistic.value, alpha, tasks, order)
     if format_name is Format.terminal:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -49,6 +50,16 @@ class Environment:
     expert_return: float
     arguments: Mapping[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        if self.horizon < 1:
+            raise ValueError(f"environment '{self.name}' has horizon {self.horizon}; it must be at least 1")
+        if self.random_return == self.expert_return:
+            raise ValueError(f"environment '{self.name}' has two equal reference returns, so no score")
+        try:
+            json.dumps(dict(self.arguments), allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"environment '{self.name}' has arguments that are not plain JSON: {error}") from error
+
     def make(self) -> gymnasium.Env[Any, Any]:
         """A fresh environment, cut at `horizon`."""
         import gymnasium
@@ -77,6 +88,11 @@ class Recipe:
     expert: Level
     expert_trajectories: int
     demonstration_rows: int
+
+    def __post_init__(self) -> None:
+        for name, least in (("offline_transitions", 1), ("expert_trajectories", 0), ("demonstration_rows", 1)):
+            if getattr(self, name) < least:
+                raise ValueError(f"a recipe's {name} is {getattr(self, name)}; it must be at least {least}")
 
 
 @dataclass(frozen=True)
@@ -115,3 +131,10 @@ class Suite:
     tasks: tuple[Task, ...]
     demonstrator: Callable[[str, Level], Demonstrator]
     generation_seeds: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        names = [task.name for task in self.tasks]
+        if not names:
+            raise ValueError(f"suite '{self.name}' has no task")
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"suite '{self.name}' has two tasks named {', '.join(repeated)}")

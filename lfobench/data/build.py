@@ -39,8 +39,13 @@ def missing_shards(root: Path, suite: str, wanted: Sequence[tuple[str, PartReque
     return list(jobs.values())
 
 
-def check_present(root: Path, suite: str, requests: Iterable[PartRequest]) -> None:
+def check_present(root: Path, requests: Iterable[PartRequest], rebuild: str) -> None:
     """Read every shard that the requests need and that is there, before anything is trained on it.
+
+    Args:
+        root: of the cache.
+        requests: what will be read.
+        rebuild: the command that makes missing shards again.
 
     Raises:
         UserError: for the first damaged one, naming it and the way out.
@@ -55,7 +60,7 @@ def check_present(root: Path, suite: str, requests: Iterable[PartRequest]) -> No
         absent = set(cache.missing(transitions))
         for shard in range(cache.specification.shards_for(transitions)):
             if shard not in absent:
-                cache.read(shard, suite)
+                cache.read(shard, rebuild)
 
 
 def build_shard(job: ShardJob) -> ShardJob:

@@ -80,22 +80,24 @@ class PartCache:
         with replacing(self.path(shard)) as temporary:
             save_file({name: np.ascontiguousarray(getattr(episodes, name)) for name in ARRAYS}, temporary, metadata)
 
-    def read(self, shard: int, suite: str) -> tuple[Episodes, str]:
+    def read(self, shard: int, rebuild: str) -> tuple[Episodes, str]:
         """One shard and its fingerprint.
+
+        Args:
+            shard: its number.
+            rebuild: the command that makes it again.
 
         Raises:
             UserError: when the file is missing, truncated, altered or of another shard, naming it and the way out.
         """
         path = self.path(shard)
-        remedy = f"Delete it and rebuild: rm '{path}' && lfobench data build {suite}"
+        remedy = f"Delete it and rebuild: rm '{path}' && {rebuild}"
         try:
             with safe_open(path, framework="numpy") as file:
                 metadata = file.metadata() or {}
                 episodes = Episodes(**{name: file.get_tensor(name) for name in ARRAYS})
         except FileNotFoundError as error:
-            raise UserError(
-                f"The dataset shard {path} is missing.", f"Build it: lfobench data build {suite}"
-            ) from error
+            raise UserError(f"The dataset shard {path} is missing.", f"Build it: {rebuild}") from error
         except (SafetensorError, OSError, ValueError, IndexError, TypeError) as error:
             raise UserError(f"The dataset shard {path} is damaged ({error}).", remedy) from error
         found = fingerprint(episodes)
@@ -110,13 +112,13 @@ class PartCache:
             )
         return episodes, found
 
-    def load(self, transitions: int, suite: str) -> tuple[Episodes, str]:
+    def load(self, transitions: int, rebuild: str) -> tuple[Episodes, str]:
         """The part's first `transitions` steps and the fingerprint of the shards that hold them.
 
         Raises:
             UserError: as `read` does.
         """
-        shards = [self.read(shard, suite) for shard in range(self.specification.shards_for(transitions))]
+        shards = [self.read(shard, rebuild) for shard in range(self.specification.shards_for(transitions))]
         mark = _combined(transitions, [mark for _, mark in shards])
         return concatenate([episodes for episodes, _ in shards]).first_transitions(transitions), mark
 

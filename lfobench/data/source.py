@@ -39,14 +39,14 @@ class TaskData:
         return mix(self.offline, self.expert, self.recipe, needs, self.task.environment.horizon)
 
 
-def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe) -> TaskData:
-    """Read and check a task's parts.
+def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe, rebuild: str) -> TaskData:
+    """Read and check a task's parts; `rebuild` is the command that makes missing shards again.
 
     Raises:
         UserError: when a shard is missing or damaged.
     """
     (offline, offline_mark), (expert, expert_mark) = (
-        PartCache(root, request.specification).load(request.transitions, suite.name)
+        PartCache(root, request.specification).load(request.transitions, rebuild)
         for request in requests(suite, task, recipe)
     )
     return TaskData(task, recipe, offline, expert, {"offline": offline_mark, "expert": expert_mark})

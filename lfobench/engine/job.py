@@ -15,10 +15,11 @@ from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Record, Warning, content_hash
 from lfobench.data.firewall import view
 from lfobench.data.source import TaskData, load_task
-from lfobench.engine.provenance import provenance
+from lfobench.engine.provenance import package_versions, provenance
 from lfobench.engine.training import Advance, Trainer
 from lfobench.files import writable_folder
 from lfobench.plan.cells import Cell, Run
+from lfobench.plan.parts import build_command
 from lfobench.registry import load_suite
 from lfobench.store.folder import RecordFolder
 
@@ -85,14 +86,17 @@ def carry_out(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded
 
 def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
     if all(folder.find(run) for run in job.runs):
+        checkpoint.with_suffix(".lock").unlink(missing_ok=True)
         return
     torch.set_num_threads(1)
     device = torch.device(job.device)
     cell = job.cell
-    data = load_task(job.cache, load_suite(cell.suite), cell.task, cell.recipe)
+    rebuild = build_command(cell.suite, cell.protocol.name, cell.task.name)
+    data = load_task(job.cache, load_suite(cell.suite), cell.task, cell.recipe, rebuild)
     needs = cell.method.needs(cell.config)
     mixture = data.mixture(needs)
-    trainer = Trainer(cell, job.seeds, view(cell.method, needs, mixture, device), device, checkpoint, stop)
+    inputs = {"data": data.fingerprints, "packages": package_versions()}
+    trainer = Trainer(cell, job.seeds, view(cell.method, needs, mixture, device), device, inputs, checkpoint, stop)
     yield from trainer.run()
     if not trainer.finished:
         return

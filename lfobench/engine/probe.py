@@ -29,7 +29,7 @@ CALLS_PER_BLOCK = 4
 
 @dataclass(frozen=True)
 class Estimate:
-    """Seconds of one run of a cell, were it alone on a core or device."""
+    """Seconds of a cell's seeds trained together, were they alone on a core or device."""
 
     training: float
     evaluation: float
@@ -45,17 +45,22 @@ class Prober:
 
     def __init__(self, device: str) -> None:
         self._device = torch.device(device)
-        self._steps: dict[tuple[str, str, str], dict[str, float]] = {}
+        self._steps: dict[tuple[str, str, str, int], dict[str, float]] = {}
         self._simulators: dict[str, tuple[float, int, int]] = {}
         self._generation: dict[tuple[str, str], float] = {}
 
-    def estimate(self, cell: Cell) -> Estimate:
-        """Training from measured updates of every stage; evaluation as if every episode ran to its horizon."""
+    def estimate(self, cell: Cell, seeds: int) -> Estimate:
+        """Training from measured updates of every stage; evaluation as if every episode ran to its horizon.
+
+        Args:
+            cell: what would be trained.
+            seeds: how many train together.
+        """
         environment, protocol = cell.task.environment, cell.protocol
         simulator_step, observation, action = self._simulator(cell)
-        key = (cell.method.name, cell.config.model_dump_json(), environment.name)
+        key = (cell.method.name, cell.config.model_dump_json(), environment.name, seeds)
         if key not in self._steps:
-            self._steps[key] = self._measure(cell, observation, action)
+            self._steps[key] = self._measure(cell, observation, action, seeds)
         recipe = cell.recipe
         rows = recipe.offline_transitions + recipe.expert_trajectories * environment.horizon
         sizes = Sizes(offline=rows, expert=recipe.demonstration_rows)
@@ -66,7 +71,7 @@ class Prober:
             for stage in method.stages(sizes)
         )
         evaluations = -(-steps // protocol.evaluation_every)
-        simulated = evaluations * protocol.evaluation_episodes * environment.horizon
+        simulated = evaluations * protocol.evaluation_episodes * environment.horizon * seeds
         return Estimate(training, simulated * simulator_step)
 
     def _simulator(self, cell: Cell) -> tuple[float, int, int]:
@@ -90,14 +95,14 @@ class Prober:
             )
         return self._generation[key]
 
-    def _measure(self, cell: Cell, observation: int, action: int) -> dict[str, float]:
+    def _measure(self, cell: Cell, observation: int, action: int, seeds: int) -> dict[str, float]:
         """Seconds per update of every stage on random data of the right shapes."""
         needs = cell.method.needs(cell.config)
         indicator = needs.termination == "absorbing"
         shapes = Shapes(observation + int(indicator), action)
         view = _random_view(needs.offline, needs.expert, shapes, self._device)
-        method: Method = cell.method(cell.config, shapes, [0], self._device)
-        randomness = Randomness([0], self._device)
+        method: Method = cell.method(cell.config, shapes, range(seeds), self._device)
+        randomness = Randomness(range(seeds), self._device)
         measured = {}
         for stage in method.stages(view.sizes):
             sampler = StageSampler(view, stage, randomness)

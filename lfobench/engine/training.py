@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -50,6 +51,7 @@ class Trainer:
         seeds: the seed axis.
         view: the data, behind the firewall.
         device: where to train.
+        inputs: what else decides the numbers, as JSON data; a checkpoint made under other inputs is not continued.
         checkpoint_path: where to continue from and save to.
         stop: asked between steps; when it says True the job saves and ends without records.
     """
@@ -60,6 +62,7 @@ class Trainer:
         seeds: Sequence[int],
         view: View,
         device: torch.device,
+        inputs: Mapping[str, Any],
         checkpoint_path: Path,
         stop: Callable[[], bool] = lambda: False,
     ) -> None:
@@ -68,7 +71,7 @@ class Trainer:
         self.method: Method = cell.method(cell.config, view.shapes, self._seeds, device)
         self._randomness = Randomness(self._seeds, device)
         self._stages = self.method.stages(view.sizes)
-        self._job = content_hash([cell.identity, self._seeds])
+        self._job = content_hash([cell.identity, self._seeds, device.type, inputs])
         self._metric_sums: dict[str, Tensor] = {}
         self._evaluator = Evaluator(cell.task, view.transform, len(self._seeds), cell.protocol.evaluation_episodes)
         self.progress = Progress.start(len(self._seeds))

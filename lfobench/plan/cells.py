@@ -28,6 +28,7 @@ class Cell:
         budget: fields that the protocol changed.
         assigned: fields that the user changed with ``--set``.
         suite: name or path of the suite, for finding it again in another process.
+        suite_name: what the suite calls itself.
         task: with the suite's own recipe.
         protocol: the training and evaluation budget.
         source: where the data comes from.
@@ -41,6 +42,7 @@ class Cell:
     budget: Mapping[str, Any]
     assigned: Mapping[str, Any]
     suite: str
+    suite_name: str
     task: Task
     protocol: Protocol
     source: str
@@ -77,7 +79,7 @@ class Cell:
     def labels(self) -> Labels:
         """What tables need to place this cell."""
         return Labels(
-            suite=self.suite,
+            suite=self.suite_name,
             group=self.task.group,
             row=self.task.environment.name,
             sees_expert_actions=self.method.access_to_expert_actions,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -70,6 +71,13 @@ def specification(suite: Suite, task: Task, level: Level) -> PartSpecification:
         demonstrator=demonstrator.fingerprint,
         simulator=tuple(sorted(simulator_versions().items())),
         seed=suite.generation_seeds.get(task.environment.name, 0),
+    )
+
+
+def build_command(suite: str, protocol: str, task: str | None = None) -> str:
+    """What a user types to make the data of a suite (by name or path), or of one task, under a protocol."""
+    return shlex.join(
+        ["lfobench", "data", "build", suite, "--protocol", protocol, *(() if task is None else ("--tasks", task))]
     )
 
 

@@ -101,6 +101,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
             budget=configured[name].budget,
             assigned=configured[name].assigned,
             suite=request.suite,
+            suite_name=suite.name,
             task=task,
             protocol=protocol,
             source=request.source,

@@ -12,6 +12,7 @@ from lfobench.errors import UserError
 COLUMN_FIELDS = frozenset({"method", "method_version", "preset", "config", "overrides", "set", "seed"})
 
 _SEPARATELY = "Put the records of one of them into a folder of their own and make a table of each."
+_WAYS_OUT = {"protocol.steps": "Choose one with --steps."}
 
 
 def check_unmixed(records: Sequence[Record]) -> None:
@@ -37,7 +38,7 @@ def check_cell(records: Sequence[Record]) -> None:
             if field != "seed":
                 raise UserError(
                     f"{first.method} on {first.task} was run with {field} = {one} and with {two}.",
-                    _SEPARATELY,
+                    _WAYS_OUT.get(field, _SEPARATELY),
                 )
     seeds = [record.seed for record in records]
     repeated = next((seed for seed in seeds if seeds.count(seed) > 1), None)
@@ -79,7 +80,7 @@ def _check_tasks(records: Sequence[Record]) -> None:
         for field, one, two in _differences(_conditions(first), _conditions(record)):
             raise UserError(
                 f"On {record.task}, {first.method} was run with {field} = {one} and {record.method} with {two}.",
-                _SEPARATELY,
+                _WAYS_OUT.get(field, _SEPARATELY),
             )
 
 

@@ -137,11 +137,12 @@ def read_record(path: Path) -> Record | Warning:
     return record
 
 
-def select(records: Sequence[Record], **wanted: str | None) -> list[Record]:
-    """Records whose ``source``, ``protocol``, ``suite`` or ``preset`` is the wanted one; None keeps all."""
+def select(records: Sequence[Record], **wanted: str | int | None) -> list[Record]:
+    """Records whose ``source``, ``protocol``, ``steps``, ``suite`` or ``preset`` is the wanted one; None keeps all."""
     found = {
         "source": lambda record: record.identity["source"],
         "protocol": lambda record: record.identity["protocol"]["name"],
+        "steps": lambda record: record.identity["protocol"]["steps"],
         "suite": lambda record: record.labels.suite,
         "preset": lambda record: record.identity["preset"],
     }

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+import shlex
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -214,6 +215,31 @@ def test_a_log_gets_lines_with_the_time_left(
     assert re.search(r"bc:released pole-random-expert seed 0  \d+/40  policy.*about \d+ s left", outcome.err)
 
 
+@pytest.mark.parametrize("size", [10**12, 10**26])
+def test_what_the_probe_cannot_run_is_a_warning_and_fails_nothing_else(
+    size: int, tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    run = ("run", "--methods", "dilo,bc", *TINY_SMOKE, "--set", f"dilo.batch_size={size}", "--workers", "1")
+    outcome = lfobench_command(*run, "--out", tmp_path)
+    assert outcome.code == 1
+    assert "Warning: dilo:released pole-random-expert failed in the probe" in outcome.err
+    assert "Traceback" not in outcome.err
+    assert [record.method for record in RecordFolder(tmp_path).read_all().records] == ["bc"]
+    plan = json.loads(lfobench_command(*run, "--out", tmp_path, "--dry-run", "--json").out)
+    assert "dilo:released" in plan["warnings"][0]["what"]
+
+
+def test_an_edited_record_is_named_before_its_run_is_repeated(tmp_path: Path, lfobench_command: InProcess) -> None:
+    run = ("run", "--methods", "bc", *TINY_SMOKE, "--workers", "1", "--out", tmp_path)
+    assert lfobench_command(*run).code == 0
+    (path,) = tmp_path.rglob("*.json")
+    path.write_text(path.read_text(encoding="utf-8").replace('"finished"', '"diverged"'), encoding="utf-8")
+    outcome = lfobench_command(*run)
+    assert outcome.code == 0
+    assert "edited after it was written" in outcome.err
+    assert RecordFolder(tmp_path).read_all().warnings == []
+
+
 def test_assigned_steps_are_in_the_plan_and_the_record(tmp_path: Path, lfobench_command: InProcess) -> None:
     outcome = lfobench_command(
         "run", "--methods", "bc", *TINY_SMOKE, "--steps", "25", "--workers", "1", "--out", tmp_path
@@ -229,9 +255,10 @@ def test_a_suite_by_path(tmp_path: Path, lfobench_command: InProcess) -> None:
     assert outcome.code == 0
     rows = json.loads(lfobench_command("ls", "tasks", "--suite", TINY, "--json").out)
     assert [row["name"] for row in rows] == ["pole-random-expert", "pole-medium-expert"]
-    table = lfobench_command("table", "--out", tmp_path / "runs", "--format", "csv", "--suite", TINY)
-    assert table.code == 0
-    assert "pole" in table.out
+    for suite in (TINY, "tiny"):
+        table = lfobench_command("table", "--out", tmp_path / "runs", "--format", "csv", "--suite", suite)
+        assert table.code == 0
+        assert "pole-random-expert" in table.out
 
 
 def test_data_status_and_build(tmp_path: Path, lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -392,9 +419,11 @@ def test_a_damaged_cache(
     shard.write_bytes(content[:-64] if damage == "truncated" else content[:-64] + bytes(64))
     command = ("run", "--methods", "bc,dilo", *chosen, "--seeds", "0", "--workers", "1", "--out", tmp_path / "runs")
     outcome = lfobench_command(*command)
-    assert_refused(outcome, str(shard), f"lfobench data build {TINY}")
+    assert_refused(outcome, str(shard))
     assert not (tmp_path / "runs").exists()
-    shard.unlink()
-    assert lfobench_command("data", "build", TINY, *chosen[2:], "--workers", "1").code == 0
+    printed = re.search(r"rm '(?P<file>.*)' && lfobench (?P<rebuild>.*)$", outcome.err.strip())
+    assert printed
+    Path(printed["file"]).unlink()
+    assert lfobench_command(*shlex.split(printed["rebuild"]), "--workers", "1").code == 0
     rebuilt = load_file(shard)
     assert all(np.array_equal(rebuilt[name], arrays[name]) for name in arrays), "rebuilt as it was"

@@ -116,8 +116,10 @@ def test_a_plug_in_that_cannot_be_imported_is_named(plug_in: Path) -> None:
     assert outcome.code == 2
     assert "drifting" in outcome.err
     assert "Traceback" not in outcome.err
-    others = process(arguments("show", "dilo"), env=env)
-    assert others.code == 0, "a broken plug-in does not take the rest along"
+    for others in (("show", "dilo"), ("ls", "methods")):
+        outcome = process(arguments(*others), env=env)
+        assert outcome.code == 0, "a broken plug-in does not take the rest along"
+        assert "dilo" in outcome.out
 
 
 # --- Ctrl-C ----------------------------------------------------------------------------------------------------------

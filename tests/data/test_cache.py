@@ -31,6 +31,7 @@ from lfobench.plan.parts import PartRequest, PartSpecification, specification
 from lfobench.registry import load_suite
 
 SHARD = 120
+REBUILD = "lfobench data build tiny --protocol smoke"
 
 
 def part(level: Level = "random", task: str = "pole-random-expert", suite: str = TINY) -> PartSpecification:
@@ -57,7 +58,7 @@ def cache(tmp_path: Path) -> PartCache:
 def test_what_is_written_is_read(tmp_path: Path) -> None:
     store, episodes = PartCache(tmp_path, part()), make_episodes([(3, True), (5, False)])
     store.write(4, episodes)
-    read, mark = store.read(4, "tiny")
+    read, mark = store.read(4, REBUILD)
     assert walk(read) == walk(episodes)
     assert np.array_equal(read.rewards, episodes.rewards)
     assert mark == fingerprint(episodes)
@@ -65,7 +66,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 
 
 def test_the_declared_fingerprint_is_the_one_that_loading_finds(cache: PartCache) -> None:
-    _, found = cache.load(SHARD + 1, TINY)
+    _, found = cache.load(SHARD + 1, REBUILD)
     assert cache.declared_fingerprint(SHARD + 1) == found
     assert cache.declared_fingerprint(SHARD) not in (found, None)
     assert cache.declared_fingerprint(3 * SHARD) is None, "the third shard is not there"
@@ -107,9 +108,9 @@ def test_damage_is_named_with_the_way_out(cache: PartCache, damage: Callable[[Pa
     path = cache.path(0)
     damage(path, cache)
     with pytest.raises(UserError) as refused:
-        cache.load(SHARD + 1, TINY)
+        cache.load(SHARD + 1, REBUILD)
     assert str(path) in str(refused.value)
-    assert f"lfobench data build {TINY}" in str(refused.value)
+    assert REBUILD in str(refused.value)
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -121,18 +122,18 @@ def test_any_flipped_bit_is_found(cache: PartCache, where: float, bit: int) -> N
     path.write_bytes(whole[:place] + bytes([whole[place] ^ (1 << bit)]) + whole[place + 1 :])
     try:
         with pytest.raises(UserError, match=re.escape(str(path))):
-            cache.read(0, TINY)
+            cache.read(0, REBUILD)
     finally:
         path.write_bytes(whole)
-    cache.read(0, TINY)
+    cache.read(0, REBUILD)
 
 
 def test_same_seed_same_fingerprint(tmp_path: Path, cache: PartCache) -> None:
     again = PartCache(tmp_path / "again", part())
     fill(again, 2)
     for shard in range(2):
-        assert again.read(shard, TINY)[1] == cache.read(shard, TINY)[1]
-    assert cache.read(0, TINY)[1] != cache.read(1, TINY)[1], "shards are drawn independently"
+        assert again.read(shard, REBUILD)[1] == cache.read(shard, REBUILD)[1]
+    assert cache.read(0, REBUILD)[1] != cache.read(1, REBUILD)[1], "shards are drawn independently"
 
 
 def test_hopper_is_reproducible(tmp_path: Path) -> None:
@@ -152,13 +153,13 @@ def hopper_fingerprint(root: Path, level: Level) -> str:
     """Of one small shard."""
     hopper = PartCache(root, part(level, HOPPER_TASK, "locomotion"))
     fill(hopper, 1, "locomotion")
-    return hopper.read(0, "locomotion")[1]
+    return hopper.read(0, REBUILD)[1]
 
 
 def test_episodes_of_the_simulator_are_whole(cache: PartCache) -> None:
-    episodes, _ = cache.load(SHARD, TINY)
+    episodes, _ = cache.load(SHARD, REBUILD)
     assert episodes.transitions == SHARD
-    everything, _ = cache.read(0, TINY)
+    everything, _ = cache.read(0, REBUILD)
     assert everything.transitions >= SHARD
     assert (everything.lengths <= 60).all()
     assert everything.terminated[everything.lengths < 60].all(), "an episode short of the horizon was ended"
@@ -166,9 +167,9 @@ def test_episodes_of_the_simulator_are_whole(cache: PartCache) -> None:
 
 
 def test_a_smaller_request_is_a_prefix_of_a_larger_one(cache: PartCache) -> None:
-    large, large_mark = cache.load(2 * SHARD, TINY)
+    large, large_mark = cache.load(2 * SHARD, REBUILD)
     for transitions in (1, 50, SHARD, SHARD + 30):
-        small, small_mark = cache.load(transitions, TINY)
+        small, small_mark = cache.load(transitions, REBUILD)
         assert small.transitions == transitions
         assert np.array_equal(small.actions, large.actions[:transitions])
         assert walk(small)[:-1] == walk(large)[: len(small.lengths) - 1]
@@ -210,7 +211,7 @@ def test_a_build_in_progress_elsewhere_is_left_alone(cache: PartCache, monkeypat
 
     monkeypatch.setattr(lfobench.data.cache, "save_file", save_and_be_interrupted)
     cache.write(0, make_episodes([(3, False)]))
-    assert cache.read(0, TINY)[0].transitions == 3
+    assert cache.read(0, REBUILD)[0].transitions == 3
 
 
 def test_the_disk_refuses(tmp_path: Path) -> None:
@@ -242,7 +243,7 @@ def test_parallel_and_serial_builds_agree(tmp_path: Path) -> None:
                 (
                     job.level,
                     job.shard,
-                    PartCache(root, specification(load_suite(TINY), task, job.level)).read(0, TINY)[1],
+                    PartCache(root, specification(load_suite(TINY), task, job.level)).read(0, REBUILD)[1],
                 )
                 for job in done
             }

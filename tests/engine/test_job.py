@@ -23,6 +23,7 @@ from helpers_engine import (
 )
 
 from lfobench.contract.method import Stage
+from lfobench.engine import job as engine_job
 from lfobench.engine import training
 from lfobench.engine.job import Busy, Job, Recorded, carry_out
 from lfobench.engine.training import Advance
@@ -130,7 +131,7 @@ def test_data_that_cannot_feed_a_stage_is_named(tmp_path: Path, shared_cache: Pa
             return (Stage("drift", None, 8, 4),)
 
     cell = cell_of(Hungry)
-    recipe = replace(cell.task.recipe, demonstration_rows=0)
+    recipe = replace(cell.task.recipe, demonstration_rows=1)
     job = make_job(replace(cell, task=replace(cell.task, recipe=recipe)), [0], tmp_path, shared_cache)
     with pytest.raises(UserError, match="needs expert rows and the data holds none"):
         finish(job)
@@ -219,6 +220,20 @@ def test_a_diverged_seed_stays_diverged_over_a_resume(tmp_path: Path, shared_cac
     finish(straight)
     finish_in_sittings(broken, [9])
     assert measured(broken) == measured(straight)
+
+
+def test_a_checkpoint_made_under_other_inputs_is_not_continued(
+    tmp_path: Path, shared_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another library's bits in the second half would make a record that nothing can repeat."""
+    job = make_job(cell_of(Drifting), [0], tmp_path, shared_cache)
+    with monkeypatch.context() as patch:
+        patch.setattr(engine_job, "package_versions", lambda: {"torch": "0.0"})
+        finish(job, StopAfter(30))
+    checkpoint = RecordFolder(tmp_path).checkpoint(job.hash)
+    assert checkpoint.exists()
+    steps = [event.done for event in finish(job) if isinstance(event, Advance)]
+    assert steps[0] < 30, "it starts afresh"
 
 
 class Killed(BaseException):

@@ -281,9 +281,11 @@ def test_names_cannot_leave_the_folder(folder: RecordFolder, run: Run) -> None:
 def test_selecting_records(run: Run) -> None:
     plain, paper = record_of(run), record_of(Run(smoke_cell("bc", preset="paper"), 3))
     records = [plain, paper]
-    assert select(records, preset=None, protocol="smoke", source="generated", suite=run.cell.suite) == records
+    assert select(records, preset=None, protocol="smoke", source="generated", suite="tiny") == records
     assert select(records, preset="paper") == [paper]
     assert select(records, protocol="paper") == []
+    assert select(records, steps=40) == records
+    assert select(records, steps=41) == []
     assert select(records, source="d4rl") == []
     assert select(records, suite="locomotion") == []
 

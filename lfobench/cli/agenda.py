@@ -1,0 +1,112 @@
+"""What is left of a plan, as jobs, and how long it will take on this machine."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lfobench.contract.record import Record, Warning
+from lfobench.contract.suite import Level
+from lfobench.data.build import ShardJob, missing_shards
+from lfobench.engine.job import Job
+from lfobench.engine.probe import Prober
+from lfobench.errors import UserError
+from lfobench.plan.cells import Run
+from lfobench.plan.parts import SHARD_TRANSITIONS, PartRequest, requests
+from lfobench.plan.planning import Plan
+
+
+@dataclass(frozen=True)
+class Agenda:
+    """A plan and what is left of it.
+
+    Attributes:
+        plan: everything asked for.
+        done: runs whose record is there.
+        jobs: the others, grouped as they train together: on CUDA all seeds of a cell, on a CPU one by one, to be
+            spread over processes.
+        requests: the generated parts that the jobs read, by task.
+        shards: what of those is still to build.
+        cache: root of the dataset cache.
+        workers: processes to use.
+    """
+
+    plan: Plan
+    done: Sequence[Run]
+    jobs: Sequence[Job]
+    requests: Sequence[tuple[str, PartRequest]]
+    shards: Sequence[ShardJob]
+    cache: Path
+    workers: int
+
+    @property
+    def pending(self) -> list[Run]:
+        """Runs still to do."""
+        return [run for job in self.jobs for run in job.runs]
+
+
+def agenda(plan: Plan, records: Sequence[Record], out: Path, cache: Path, workers: int) -> Agenda:
+    """Hold a plan against the records and the dataset cache; writes nothing."""
+    there = {record.identity_hash for record in records}
+    done = [run for run in plan.runs if run.identity_hash in there]
+    jobs = []
+    for cell in plan.cells:
+        seeds = tuple(seed for seed in plan.seeds if Run(cell, seed).identity_hash not in there)
+        groups = [seeds] if plan.device == "cuda" else [(seed,) for seed in seeds]
+        jobs += [Job(cell, group, out, cache, plan.device) for group in groups if group]
+    cells = {job.cell.task.name: job.cell for job in jobs}
+    wanted = [
+        (name, request) for name, cell in cells.items() for request in requests(plan.suite, cell.task, cell.recipe)
+    ]
+    return Agenda(plan, done, jobs, wanted, missing_shards(cache, plan.cells[0].suite, wanted), cache, workers)
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """How long an agenda will take on this machine.
+
+    Attributes:
+        job_seconds: per job, were it alone on a core or device.
+        total_seconds: data and jobs, spread over the workers.
+        warnings: what could not be measured, and is counted like the mean of the rest.
+    """
+
+    job_seconds: Sequence[float]
+    total_seconds: float
+    warnings: Sequence[Warning]
+
+
+def forecast(agenda: Agenda, prober: Prober) -> Forecast:
+    """Estimate every job from the probe; a method or simulator that fails in it fails nothing else."""
+    problems: dict[str, None] = {}
+    measured: list[float | None] = []
+    for job in agenda.jobs:
+        try:
+            measured.append(prober.estimate(job.cell, len(job.seeds)).total)
+        except UserError:
+            raise
+        except Exception as error:
+            problems[f"{job.cell.label} failed in the probe ({type(error).__name__}: {error})."] = None
+            measured.append(None)
+    known = [seconds for seconds in measured if seconds is not None]
+    mean = sum(known) / len(known) if known else 1.0
+    job_seconds = [mean if seconds is None else seconds for seconds in measured]
+    building = 0.0
+    for (task, level), shards in Counter((job.task, job.level) for job in agenda.shards).items():
+        try:
+            building += shards * _shard_seconds(agenda.plan, task, level, prober)
+        except Exception as error:
+            problems[f"The {level} data of {task} failed in the probe ({type(error).__name__}: {error})."] = None
+    spread = sum(job_seconds) / agenda.workers
+    data = building / min(agenda.workers, len(agenda.shards) or 1)
+    warnings = [
+        Warning(what=what, remedy="It will probably fail; the rest of the plan is unaffected.") for what in problems
+    ]
+    return Forecast(job_seconds, data + max([spread, *job_seconds]), warnings)
+
+
+def _shard_seconds(plan: Plan, task: str, level: Level, prober: Prober) -> float:
+    environment = next(each for each in plan.tasks if each.name == task).environment
+    return SHARD_TRANSITIONS * prober.generation(environment, plan.suite.demonstrator(environment.name, level))
