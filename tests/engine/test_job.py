@@ -22,7 +22,7 @@ from helpers_engine import (
     smoke_cell,
 )
 
-from lfobench.contract.method import Stage
+from lfobench.contract.method import DataNeeds, Stage
 from lfobench.engine import job as engine_job
 from lfobench.engine import training
 from lfobench.engine.job import Busy, Job, Recorded, carry_out
@@ -126,7 +126,13 @@ def test_nothing_but_records_is_left(tmp_path: Path, shared_cache: Path) -> None
 
 
 def test_data_that_cannot_feed_a_stage_is_named(tmp_path: Path, shared_cache: Path) -> None:
+    """One row kept of the demonstration leaves no triple: the authors' buffer never samples its last."""
+
     class Hungry(Drifting):
+        @classmethod
+        def needs(cls, config: Any) -> DataNeeds:
+            return DataNeeds(offline=("observation",), expert=("observation", "second_next_observation"))
+
         def stages(self, sizes: Any) -> tuple[Stage, ...]:
             return (Stage("drift", None, 8, 4),)
 
