@@ -51,10 +51,10 @@ def run(
         planned.show(todo, expected, out)
     if dry_run or not todo.jobs:
         return
-    if todo.shards:
-        writable_folder(todo.cache, "LFOBENCH_CACHE")
     with errors.status("Checking the data…"):
         parts = [part for _, part in todo.requests]
         check_present(todo.cache, parts, build_command(suite, plan.protocol.name))
+    if todo.shards:
+        writable_folder(todo.cache, "LFOBENCH_CACHE")
     writable_folder(out, "--out")
     raise typer.Exit(execution.carry_out_agenda(todo, expected, out, quiet=as_json))

@@ -64,12 +64,22 @@ def check_present(root: Path, requests: Iterable[PartRequest], rebuild: str) -> 
 
 
 def build_shard(job: ShardJob) -> ShardJob:
-    """Roll out and store one shard."""
+    """Roll out and store one shard.
+
+    Raises:
+        UserError: when the disk refuses, or the suite's simulator or demonstrator fails.
+    """
     suite = load_suite(job.suite)
     task = next(task for task in suite.tasks if task.name == job.task)
     part = specification(suite, task, job.level)
-    demonstrator = suite.demonstrator(task.environment.name, job.level)
-    PartCache(job.root, part).write(job.shard, roll_out(part, demonstrator, job.shard))
+    try:
+        episodes = roll_out(part, suite.demonstrator(task.environment.name, job.level), job.shard)
+    except Exception as error:
+        raise UserError(
+            f"The {job.level} data of {job.task} cannot be made: {type(error).__name__}: {error}.",
+            f"Mend the environment or demonstrator of suite '{suite.name}'.",
+        ) from error
+    PartCache(job.root, part).write(job.shard, episodes)
     return job
 
 

@@ -229,6 +229,20 @@ def test_what_the_probe_cannot_run_is_a_warning_and_fails_nothing_else(
     assert "dilo:released" in plan["warnings"][0]["what"]
 
 
+def test_a_suite_whose_simulator_does_not_exist(tmp_path: Path, lfobench_command: InProcess) -> None:
+    suite = tmp_path / "wrong.py"
+    source = Path(TINY).read_text(encoding="utf-8")
+    suite.write_text(source.replace("InvertedPendulum-v5", "InvertedPendulumm-v5"), encoding="utf-8")
+    chosen = ("--tasks", "pole-random-expert", "--protocol", "smoke", "--workers", "1")
+    run = lfobench_command("run", "--methods", "bc", "--suite", suite, *chosen, "--out", tmp_path / "runs")
+    assert run.code == 2
+    assert "Traceback" not in run.err
+    assert run.err.splitlines()[-1].startswith(
+        "Error: The random data of pole-random-expert cannot be made: NameNotFound"
+    )
+    assert_refused(lfobench_command("data", "build", suite, *chosen), "cannot be made", "InvertedPendulumm")
+
+
 def test_an_edited_record_is_named_before_its_run_is_repeated(tmp_path: Path, lfobench_command: InProcess) -> None:
     run = ("run", "--methods", "bc", *TINY_SMOKE, "--workers", "1", "--out", tmp_path)
     assert lfobench_command(*run).code == 0

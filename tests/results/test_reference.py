@@ -1,0 +1,57 @@
+"""The committed reference records are what their page says: readable, whole, and found again by its command."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from helpers_cli import InProcess
+
+from lfobench.store.folder import RecordFolder
+
+REFERENCE = Path(__file__).parents[2] / "results" / "reference"
+PAGE = (REFERENCE / "README.md").read_text(encoding="utf-8").replace("\\\n", " ")
+COMMANDS = [shlex.split(line) for line in re.findall(r"^lfobench (run .*)$", PAGE, flags=re.MULTILINE)]
+ONLY_OF_RUN = ("--workers",)
+
+
+def why(command: list[str]) -> list[str]:
+    """The same options for ``why``; ``--out`` is given from the root of the repository."""
+    words, kept = iter(command[1:]), []
+    for word in words:
+        if word in ONLY_OF_RUN:
+            next(words)
+        elif word == "--out":
+            kept += [word, str(REFERENCE.parents[1] / next(words))]
+        else:
+            kept.append(word)
+    return ["why", *kept, "--json"]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[-1])
+def test_every_documented_run_has_its_record(command: list[str], lfobench_command: InProcess) -> None:
+    outcome = lfobench_command(*why(command))
+    assert outcome.code == 0
+    assert outcome.err == "", "no file there is foreign, edited or a copy"
+    answers = json.loads(outcome.out)
+    assert answers
+    assert [answer["run"] for answer in answers if not answer["reused"]] == []
+
+
+def test_no_record_is_undocumented(lfobench_command: InProcess) -> None:
+    documented = {
+        answer["identity"] for command in COMMANDS for answer in json.loads(lfobench_command(*why(command)).out)
+    }
+    read = RecordFolder(REFERENCE).read_all()
+    assert {record.identity_hash for record in read.records} == documented
+
+
+def test_the_readme_shows_the_table_that_the_records_give(lfobench_command: InProcess) -> None:
+    readme = (REFERENCE.parents[1] / "README.md").read_text(encoding="utf-8")
+    folder = COMMANDS[0][COMMANDS[0].index("--out") + 1]
+    table = lfobench_command("table", "--out", REFERENCE.parents[1] / folder, "--format", "markdown")
+    assert table.code == 0
+    assert table.out in readme
