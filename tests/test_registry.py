@@ -61,6 +61,8 @@ def changed(old: str, new: str) -> str:
         (changed("60, 5.0, 60.0", "60, 5.0, 5.0"), "environment 'pole' has two equal reference returns"),
         (changed("60, 5.0, 60.0", "0, 5.0, 60.0"), "environment 'pole' has horizon 0"),
         (changed("60, 5.0, 60.0", "60, 5.0, 60.0, {'f': print}"), "environment 'pole' has arguments that are not"),
+        (changed("60, 5.0, 60.0", "60, float('nan'), 60.0"), "environment 'pole' has a reference return that is not"),
+        (changed("paper_steps=100", "paper_steps=0"), "task 'pole-random-expert' has paper_steps 0"),
         (changed("3_000", "0"), "a recipe's offline_transitions is 0"),
         (changed("trajectories, 60", "trajectories, 0"), "a recipe's demonstration_rows is 0"),
         ("import no_such_module", "cannot be run: ModuleNotFoundError"),

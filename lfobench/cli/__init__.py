@@ -38,6 +38,3 @@ def main() -> None:
     except UserError as error:
         errors.print(f"[bold red]Error:[/] {one_line(str(error))}", soft_wrap=True)
         sys.exit(2)
-    except KeyboardInterrupt:
-        errors.print("Stopped.")
-        sys.exit(130)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lfobench.contract.record import Record, Warning
+from lfobench.contract.record import Warning
 from lfobench.contract.suite import Level
 from lfobench.data.build import ShardJob, missing_shards
 from lfobench.engine.job import Job
@@ -16,6 +16,7 @@ from lfobench.errors import UserError
 from lfobench.plan.cells import Run
 from lfobench.plan.parts import SHARD_TRANSITIONS, PartRequest, requests
 from lfobench.plan.planning import Plan
+from lfobench.store.folder import RecordsRead
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,19 @@ class Agenda:
         return [run for job in self.jobs for run in job.runs]
 
 
-def agenda(plan: Plan, records: Sequence[Record], out: Path, cache: Path, workers: int) -> Agenda:
-    """Hold a plan against the records and the dataset cache; writes nothing."""
-    there = {record.identity_hash for record in records}
+def make_agenda(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: int) -> Agenda:
+    """Hold a plan against the records and the dataset cache; writes nothing.
+
+    Raises:
+        UserError: for a run whose records contradict each other; training it once more would settle nothing.
+    """
+    for run in plan.runs:
+        if paths := read.contradicted.get(run.identity_hash):
+            raise UserError(
+                f"{run.label} has records that contradict each other: {', '.join(map(str, paths))}.",
+                "Keep the one you trust, or none to train it again.",
+            )
+    there = {record.identity_hash for record in read.records}
     done = [run for run in plan.runs if run.identity_hash in there]
     jobs = []
     for cell in plan.cells:
@@ -70,7 +81,7 @@ class Forecast:
     Attributes:
         job_seconds: per job, were it alone on a core or device.
         total_seconds: data and jobs, spread over the workers.
-        warnings: what could not be measured, and is counted like the mean of the rest.
+        warnings: what could not be measured. Such a job counts like the mean of the others, such data as nothing.
     """
 
     job_seconds: Sequence[float]
@@ -79,8 +90,8 @@ class Forecast:
 
 
 def forecast(agenda: Agenda, prober: Prober) -> Forecast:
-    """Estimate every job from the probe; a method or simulator that fails in it fails nothing else."""
-    problems: dict[str, None] = {}
+    """Estimate every job from the probe; a method or simulator that fails in it is a warning."""
+    problems: dict[str, str] = {}
     measured: list[float | None] = []
     for job in agenda.jobs:
         try:
@@ -88,7 +99,8 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
         except UserError:
             raise
         except Exception as error:
-            problems[f"{job.cell.label} failed in the probe ({type(error).__name__}: {error})."] = None
+            what = f"{job.cell.label} failed in the probe ({type(error).__name__}: {error})."
+            problems[what] = "It will probably fail; the rest of the plan is unaffected."
             measured.append(None)
     known = [seconds for seconds in measured if seconds is not None]
     mean = sum(known) / len(known) if known else 1.0
@@ -97,13 +109,14 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
     for (task, level), shards in Counter((job.task, job.level) for job in agenda.shards).items():
         try:
             building += shards * _shard_seconds(agenda.plan, task, level, prober)
+        except UserError:
+            raise
         except Exception as error:
-            problems[f"The {level} data of {task} failed in the probe ({type(error).__name__}: {error})."] = None
+            what = f"The {level} data of {task} failed in the probe ({type(error).__name__}: {error})."
+            problems[what] = "Nothing trains until all data is made: mend it, or leave the task out with --tasks."
     spread = sum(job_seconds) / agenda.workers
     data = building / min(agenda.workers, len(agenda.shards) or 1)
-    warnings = [
-        Warning(what=what, remedy="It will probably fail; the rest of the plan is unaffected.") for what in problems
-    ]
+    warnings = [Warning(what=what, remedy=remedy) for what, remedy in problems.items()]
     return Forecast(job_seconds, data + max([spread, *job_seconds]), warnings)
 
 

@@ -20,7 +20,7 @@ def one_line(text: str) -> str:
     """`text` without line breaks, shown as it is written: its brackets are no markup."""
     from rich.markup import escape
 
-    return escape(" ".join(text.split()))
+    return escape(" ".join(text.splitlines()))
 
 
 def duration(seconds: float) -> str:

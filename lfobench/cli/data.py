@@ -11,7 +11,7 @@ from lfobench.cli.console import output, print_json
 
 app = typer.Typer(name="data", help="Datasets: build, status.", no_args_is_help=True)
 
-SuiteArgument = Annotated[str, typer.Argument(help="A suite's name.")]
+SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, or the path of its file.")]
 
 
 @app.command()

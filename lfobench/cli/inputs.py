@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from lfobench.cli.console import errors, one_line
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from lfobench.contract.record import Warning
     from lfobench.plan.planning import Plan, Request
     from lfobench.store.folder import RecordsRead
 
@@ -53,12 +55,13 @@ def read_folder(out: Path) -> RecordsRead:
     from lfobench.store.folder import RecordFolder, RecordsRead
 
     try:
-        return RecordFolder(out).read_all() if out.exists() else RecordsRead()
+        absent = not out.exists()
     except OSError as error:
         raise UserError(f"Cannot look into {out}: {error.strerror}.", "Choose another --out.") from error
+    return RecordsRead() if absent else RecordFolder(out).read_all()
 
 
-def warn(warnings: Any) -> None:
+def warn(warnings: Iterable[Warning]) -> None:
     """Print warnings on standard error."""
     for warning in warnings:
         errors.print(f"[yellow]Warning:[/] {one_line(f'{warning.what} {warning.remedy}')}", soft_wrap=True)

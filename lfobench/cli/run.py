@@ -42,7 +42,7 @@ def run(
     read = read_folder(out)
     warn(read.warnings)
     count = workers or (1 if plan.device == "cuda" else available_cores())
-    todo = agenda.agenda(plan, read.records, out, cache_folder(), count)
+    todo = agenda.make_agenda(plan, read, out, cache_folder(), count)
     with errors.status("Measuring this machine…"):
         expected = agenda.forecast(todo, Prober(plan.device))
     if as_json:
@@ -52,8 +52,7 @@ def run(
     if dry_run or not todo.jobs:
         return
     with errors.status("Checking the data…"):
-        parts = [part for _, part in todo.requests]
-        check_present(todo.cache, parts, build_command(suite, plan.protocol.name))
+        check_present(todo.cache, todo.requests, lambda task: build_command(suite, plan.protocol.name, task))
     if todo.shards:
         writable_folder(todo.cache, "LFOBENCH_CACHE")
     writable_folder(out, "--out")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from enum import StrEnum
 from types import UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
 import typer
 
@@ -146,7 +146,8 @@ def _show_method(method: type[Method], as_json: bool) -> None:
     rows = []
     for field, info in method.Config.model_fields.items():
         row: dict[str, Any] = {"field": field, "takes": _takes(info)}
-        row |= {preset: changes.get(field, info.default) for preset, changes in method.presets.items()}
+        default = "required" if info.is_required() else info.get_default(call_default_factory=True, validated_data={})
+        row |= {preset: changes.get(field, default) for preset, changes in method.presets.items()}
         row |= {budget: changes.get(field, "") for budget, changes in method.budgets.items()}
         rows.append(row)
     descriptions = {field: info.description for field, info in method.Config.model_fields.items()}
@@ -170,21 +171,24 @@ def _show_method(method: type[Method], as_json: bool) -> None:
 
 def _spelling(value: Any) -> str:
     """A value as ``--set`` takes it."""
-    return value if isinstance(value, str) else "none" if value is None else json.dumps(value)
+    return value if isinstance(value, str) else "none" if value is None else json.dumps(value, default=str)
 
 
 def _takes(field: FieldInfo) -> str:
     """What a field accepts: ``kl | chi2``, ``int, >= 1``, ``float or none, > 0``."""
     kinds = {int: "int", float: "float", bool: "true or false", str: "text", type(None): "none"}
-    parts = get_args(field.annotation) if get_origin(field.annotation) is UnionType else (field.annotation,)
+    union = get_origin(field.annotation) in (Union, UnionType)
+    parts = get_args(field.annotation) if union else (field.annotation,)
     words = []
     for part in parts:
+        if get_origin(part) is Annotated:
+            part = get_args(part)[0]
         if get_origin(part) is Literal:
             words.append(" | ".join(map(str, get_args(part))))
         elif get_origin(part) is tuple:
             words.append("list of int")
         else:
-            words.append(kinds.get(part, str(part)))
+            words.append(kinds.get(part, getattr(part, "__name__", str(part))))
     signs = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
     bounds = [
         f"{sign} {getattr(bound, name)}"
@@ -242,4 +246,4 @@ def _show_fields(protocol: Protocol, as_json: bool) -> None:
 
 
 def _first_line(described: type) -> str:
-    return (described.__doc__ or "").strip().splitlines()[0]
+    return next(iter((described.__doc__ or "").strip().splitlines()), "")

@@ -18,8 +18,8 @@ SCHEMA = 1
 """Form of a record; another version's records are named and skipped."""
 
 NUMBERS = 1
-"""What equal identities stand for: raised whenever sampling, boundary rules, shared networks, the training loop or
-evaluation change a number. A method's own losses raise `Method.version` instead."""
+"""What equal identities stand for, in every identity under ``schema``: raised whenever sampling, boundary rules,
+shared networks, the training loop or evaluation change a number. A method's own losses raise `Method.version`."""
 
 Status = Literal["finished", "diverged"]
 Statistic = Literal["last5", "last", "best"]
@@ -91,6 +91,8 @@ class Record(_Model):
     @model_validator(mode="after")
     def _complete(self) -> Record:
         check_identity(self.identity)
+        if not isinstance(self.provenance.get("data_fingerprints", {}), dict):
+            raise ValueError("its data fingerprints are not an object")
         unknown = [field for field in self.labels.stated if field not in self.identity["config"]]
         if unknown:
             raise ValueError(f"it states {', '.join(unknown)}, which its configuration lacks")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -53,6 +54,8 @@ class Environment:
     def __post_init__(self) -> None:
         if self.horizon < 1:
             raise ValueError(f"environment '{self.name}' has horizon {self.horizon}; it must be at least 1")
+        if not (math.isfinite(self.random_return) and math.isfinite(self.expert_return)):
+            raise ValueError(f"environment '{self.name}' has a reference return that is not finite")
         if self.random_return == self.expert_return:
             raise ValueError(f"environment '{self.name}' has two equal reference returns, so no score")
         try:
@@ -112,6 +115,10 @@ class Task:
     environment: Environment
     recipe: Recipe
     paper_steps: int
+
+    def __post_init__(self) -> None:
+        if self.paper_steps < 1:
+            raise ValueError(f"task '{self.name}' has paper_steps {self.paper_steps}; it must be at least 1")
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -39,28 +39,28 @@ def missing_shards(root: Path, suite: str, wanted: Sequence[tuple[str, PartReque
     return list(jobs.values())
 
 
-def check_present(root: Path, requests: Iterable[PartRequest], rebuild: str) -> None:
+def check_present(root: Path, wanted: Iterable[tuple[str, PartRequest]], rebuild: Callable[[str], str]) -> None:
     """Read every shard that the requests need and that is there, before anything is trained on it.
 
     Args:
         root: of the cache.
-        requests: what will be read.
-        rebuild: the command that makes missing shards again.
+        wanted: what will be read, with the name of a task that reads it.
+        rebuild: the command that makes a task's missing shards again.
 
     Raises:
         UserError: for the first damaged one, naming it and the way out.
     """
-    longest: dict[str, PartRequest] = {}
-    for request in requests:
-        known = longest.setdefault(request.specification.hash, request)
+    longest: dict[str, tuple[str, PartRequest]] = {}
+    for task, request in wanted:
+        _, known = longest.setdefault(request.specification.hash, (task, request))
         if request.transitions > known.transitions:
-            longest[request.specification.hash] = request
-    for request in longest.values():
+            longest[request.specification.hash] = (task, request)
+    for task, request in longest.values():
         cache, transitions = PartCache(root, request.specification), request.transitions
         absent = set(cache.missing(transitions))
         for shard in range(cache.specification.shards_for(transitions)):
             if shard not in absent:
-                cache.read(shard, rebuild)
+                cache.read(shard, rebuild(task))
 
 
 def build_shard(job: ShardJob) -> ShardJob:

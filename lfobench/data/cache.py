@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,7 +92,7 @@ class PartCache:
             UserError: when the file is missing, truncated, altered or of another shard, naming it and the way out.
         """
         path = self.path(shard)
-        remedy = f"Delete it and rebuild: rm '{path}' && {rebuild}"
+        remedy = f"Delete it and rebuild: rm {shlex.quote(str(path))} && {rebuild}"
         try:
             with safe_open(path, framework="numpy") as file:
                 metadata = file.metadata() or {}

@@ -21,7 +21,7 @@ class Ended:
 
     Attributes:
         outcome: how.
-        message: one line for the user, empty unless failed.
+        message: one line for the user where there is something to say.
         detail: traceback of a crash, empty otherwise.
     """
 

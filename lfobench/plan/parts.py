@@ -10,6 +10,7 @@ from typing import Any
 
 from lfobench.contract.record import content_hash
 from lfobench.contract.suite import Environment, Level, Recipe, Suite, Task
+from lfobench.errors import UserError
 
 SHARD_TRANSITIONS = 10_000
 FORMAT = 2
@@ -63,12 +64,24 @@ class PartRequest:
 
 
 def specification(suite: Suite, task: Task, level: Level) -> PartSpecification:
-    """The generated part of a task's environment at one level."""
-    demonstrator = suite.demonstrator(task.environment.name, level)
+    """The generated part of a task's environment at one level.
+
+    Raises:
+        UserError: when the suite's demonstrator cannot be had.
+    """
+    try:
+        fingerprint = suite.demonstrator(task.environment.name, level).fingerprint
+    except UserError:
+        raise
+    except Exception as error:
+        raise UserError(
+            f"The {level} demonstrator of {task.environment.name} failed: {type(error).__name__}: {error}.",
+            f"Mend the demonstrator of suite '{suite.name}'.",
+        ) from error
     return PartSpecification(
         environment=task.environment,
         level=level,
-        demonstrator=demonstrator.fingerprint,
+        demonstrator=fingerprint,
         simulator=tuple(sorted(simulator_versions().items())),
         seed=suite.generation_seeds.get(task.environment.name, 0),
     )

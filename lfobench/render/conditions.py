@@ -12,7 +12,7 @@ from lfobench.errors import UserError
 COLUMN_FIELDS = frozenset({"method", "method_version", "preset", "config", "overrides", "set", "seed"})
 
 _SEPARATELY = "Put the records of one of them into a folder of their own and make a table of each."
-_WAYS_OUT = {"protocol.steps": "Choose one with --steps."}
+_WAYS_OUT = {"protocol.steps": "Choose one with --steps, which leaves out tasks of other lengths."}
 
 
 def check_unmixed(records: Sequence[Record]) -> None:

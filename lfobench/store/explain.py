@@ -50,8 +50,13 @@ def explain(run: Run, records: Sequence[Record], data: Mapping[str, str]) -> Exp
     short = run.identity_hash[:12]
     same = next((record for record in records if record.identity_hash == run.identity_hash), None)
     if same is not None:
-        made_from = {part: mark for part, mark in same.provenance.get("data_fingerprints", {}).items() if part in data}
-        found = tuple(differences(made_from, data, "data_fingerprints."))
+        made_from = same.provenance.get("data_fingerprints", {})
+        both = made_from.keys() & data.keys()
+        found = tuple(
+            differences(
+                {part: made_from[part] for part in both}, {part: data[part] for part in both}, "data_fingerprints."
+            )
+        )
         headline = f"{run.label}: reused, identity {short}"
         if found:
             headline += "; made from other data than this machine's cache holds"

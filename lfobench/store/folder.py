@@ -75,36 +75,57 @@ class RecordFolder:
         differ in what they measured do not count at all.
 
         Raises:
-            UserError: when the folder does not exist.
+            UserError: when the folder does not exist or cannot be looked into.
         """
-        if not self.root.is_dir():
-            raise UserError(f"No folder {self.root}.", "Run 'lfobench run' first, or name another with --out.")
         found: dict[str, list[tuple[Path, Record]]] = {}
         warnings = []
-        for path in sorted(self.root.rglob("*.json")):
+        for path in self._json_files():
             outcome = read_record(path)
             if isinstance(outcome, Record):
                 found.setdefault(outcome.identity_hash, []).append((path, outcome))
             else:
                 warnings.append(outcome)
         read = RecordsRead(warnings=warnings)
-        for copies in found.values():
+        for identity, copies in found.items():
             read.warnings += _copies(copies)
-            if not _contradict(copies):
+            if _contradict(copies):
+                read.contradicted[identity] = [path for path, _ in copies]
+            else:
                 read.records.append(copies[0][1])
         return read
+
+    def _json_files(self) -> list[Path]:
+        try:
+            if self.root.exists() and not self.root.is_dir():
+                raise UserError(f"{self.root} is not a folder.", "Choose another --out.")
+            if not self.root.is_dir():
+                raise UserError(f"No folder {self.root}.", "Run 'lfobench run' first, or name another with --out.")
+            return sorted(self.root.rglob("*.json"))
+        except OSError as error:
+            raise UserError(f"Cannot look into {self.root}: {error.strerror}.", "Choose another --out.") from error
 
 
 @dataclass
 class RecordsRead:
-    """What a folder held."""
+    """What a folder held.
+
+    Attributes:
+        records: one per run.
+        warnings: what was skipped, or was there more than once.
+        contradicted: identity hash to files, where the records of one run measured different things.
+    """
 
     records: list[Record] = field(default_factory=list)
     warnings: list[Warning] = field(default_factory=list)
+    contradicted: dict[str, list[Path]] = field(default_factory=dict)
 
 
 def _contradict(copies: Sequence[tuple[Path, Record]]) -> bool:
-    return any(record.measured() != copies[0][1].measured() for _, record in copies)
+    return any(_outcome(record) != _outcome(copies[0][1]) for _, record in copies)
+
+
+def _outcome(record: Record) -> tuple[object, ...]:
+    return record.status, record.diverged_at, record.evaluations, record.metrics
 
 
 def _copies(copies: Sequence[tuple[Path, Record]]) -> list[Warning]:
@@ -114,7 +135,7 @@ def _copies(copies: Sequence[tuple[Path, Record]]) -> list[Warning]:
     paths = ", ".join(str(path) for path, _ in copies)
     if _contradict(copies):
         what = f"{paths} are records of one run and differ in what they measured, so none of them counts."
-        return [Warning(what=what, remedy="Keep the one you trust; 'lfobench why' tells what they were made from.")]
+        return [Warning(what=what, remedy="Keep the one you trust; the provenance in each says what made it.")]
     return [Warning(what=f"{paths} are copies of one record, which counts once.", remedy="Remove all but one.")]
 
 

@@ -10,19 +10,24 @@ import shlex
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pytest
 from filelock import FileLock
 from helpers_cli import InProcess, assert_refused
 from helpers_engine import HOPPER_TASK, TINY, smoke_cell
+from pydantic import Field as ConfigField
+from pydantic import PositiveFloat
 from safetensors.numpy import load_file
 
+from lfobench import registry
 from lfobench.cli import app, progress
+from lfobench.contract.method import MethodConfig
+from lfobench.contract.record import content_hash
 from lfobench.plan.protocol import PROTOCOLS
-from lfobench.registry import load_suite, method_names
-from lfobench.store.folder import RecordFolder
+from lfobench.registry import load_method, load_suite, method_names
+from lfobench.store.folder import SEAL, RecordFolder
 
 METHODS = "dilo,smodice,oril,bco,bc,bc-expert"
 SMOKE = ("--methods", METHODS, "--tasks", HOPPER_TASK, "--protocol", "smoke", "--seeds", "0-1")
@@ -68,7 +73,7 @@ def test_why_says_reused(compared: Path, lfobench_command: InProcess) -> None:
     assert outcome.code == 0
     assert outcome.out.count("reused") == 12
     answers = json.loads(lfobench_command("why", *SMOKE, "--out", compared, "--json").out)
-    assert [answer["reused"] for answer in answers] == [True] * 12
+    assert [(answer["reused"], answer["differences"]) for answer in answers] == [(True, [])] * 12
 
 
 def test_why_names_the_fields_that_make_it_run_again(compared: Path, lfobench_command: InProcess) -> None:
@@ -205,6 +210,29 @@ def test_show_of_a_method_documents_every_field(lfobench_command: InProcess) -> 
         assert info.description in text
 
 
+def test_show_of_somebody_elses_method(lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever pydantic allows as a field, and no docstring."""
+
+    class Config(MethodConfig):
+        learned: float = ConfigField(description="Has no default.")
+        made: tuple[int, ...] = ConfigField(default_factory=lambda: (1, 2), description="Has a factory.")
+        bounded: PositiveFloat | None = ConfigField(None, description="An annotated kind, or none.")
+        chosen: Literal["this", "that"] = ConfigField("this", description="A [red]choice[/].")
+
+    class Theirs(load_method("bc")):  # type: ignore[misc]
+        presets: ClassVar[Any] = {"released": {}}
+        budgets: ClassVar[Any] = {}
+
+    Theirs.Config, Theirs.__doc__ = Config, None
+    monkeypatch.setattr(registry, "load_method", lambda name: Theirs)
+    text = lfobench_command("show", "bc").out
+    for words in ("learned (float)", "made (list of int)", "bounded (float or none)", "chosen (this | that): A [red]"):
+        assert words in text
+    fields = {row["field"]: row for row in json.loads(lfobench_command("show", "bc", "--json").out)["fields"]}
+    assert fields["learned"]["released"] == "required"
+    assert fields["made"]["released"] == [1, 2]
+
+
 def test_a_log_gets_lines_with_the_time_left(
     tmp_path: Path, lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -241,6 +269,55 @@ def test_a_suite_whose_simulator_does_not_exist(tmp_path: Path, lfobench_command
         "Error: The random data of pole-random-expert cannot be made: NameNotFound"
     )
     assert_refused(lfobench_command("data", "build", suite, *chosen), "cannot be made", "InvertedPendulumm")
+
+
+def test_a_plan_with_data_that_cannot_be_made_says_that_nothing_trains(
+    tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    suite = tmp_path / "half.py"
+    source = (
+        Path(TINY)
+        .read_text(encoding="utf-8")
+        .replace(
+            "environment=POLE",
+            'environment=POLE if offline == "random" else Environment("p", "NoSuchThing-v5", 60, 5.0, 60.0)',
+        )
+    )
+    suite.write_text(source, encoding="utf-8")
+    run = ("run", "--methods", "bc", "--suite", suite, "--protocol", "smoke", "--seeds", "0", "--workers", "1")
+    outcome = lfobench_command(*run, "--out", tmp_path / "runs")
+    assert outcome.code == 2
+    assert "Nothing trains until all data is made: mend it, or leave the task out with --tasks." in outcome.err
+    assert lfobench_command(*run, "--out", tmp_path / "runs", "--tasks", "pole-random-expert").code == 0
+
+
+def test_a_demonstrator_that_fails_is_one_line(tmp_path: Path, lfobench_command: InProcess) -> None:
+    suite = tmp_path / "wrong.py"
+    source = (
+        Path(TINY).read_text(encoding="utf-8").replace("    return Pole(level)", "    raise KeyError('no weights')")
+    )
+    suite.write_text(source, encoding="utf-8")
+    outcome = lfobench_command(
+        "run", "--methods", "bc", "--suite", suite, "--protocol", "smoke", "--out", tmp_path / "o"
+    )
+    assert_refused(outcome, "demonstrator of pole failed: KeyError: 'no weights'")
+
+
+def test_records_that_contradict_each_other_stop_a_run(tmp_path: Path, lfobench_command: InProcess) -> None:
+    run = ("run", "--methods", "bc", *TINY_SMOKE, "--workers", "1", "--out", tmp_path)
+    assert lfobench_command(*run).code == 0
+    (path,) = tmp_path.rglob("*.json")
+    content = json.loads(path.read_text(encoding="utf-8"))
+    del content[SEAL]
+    content["metrics"] = []
+    copy = tmp_path / "merged.json"
+    copy.write_text(json.dumps({**content, SEAL: content_hash(content)}), encoding="utf-8")
+    outcome = lfobench_command(*run)
+    assert outcome.code == 2
+    error = outcome.err.splitlines()[-1]
+    assert error.startswith("Error: bc:released pole-random-expert seed 0 has records that contradict each other")
+    assert str(path) in error
+    assert str(copy) in error
 
 
 def test_an_edited_record_is_named_before_its_run_is_repeated(tmp_path: Path, lfobench_command: InProcess) -> None:
@@ -383,10 +460,10 @@ def test_mistakes_in_other_commands(
     assert_refused(lfobench_command(*arguments), *words)
 
 
-@pytest.mark.parametrize("option", ["--suite", "--protocol", "--preset", "--source", "--methods"])
+@pytest.mark.parametrize("option", ["--suite", "--protocol", "--steps", "--preset", "--source", "--methods"])
 def test_a_filter_that_leaves_no_record_says_so(option: str, compared: Path, lfobench_command: InProcess) -> None:
     """The folder is full of records: 'run first' would be the wrong way out."""
-    outcome = lfobench_command("table", "--out", compared, option, "nonesuch")
+    outcome = lfobench_command("table", "--out", compared, option, "41" if option == "--steps" else "nonesuch")
     assert_refused(outcome)
     assert "lfobench run" not in outcome.err
 
@@ -435,9 +512,9 @@ def test_a_damaged_cache(
     outcome = lfobench_command(*command)
     assert_refused(outcome, str(shard))
     assert not (tmp_path / "runs").exists()
-    printed = re.search(r"rm '(?P<file>.*)' && lfobench (?P<rebuild>.*)$", outcome.err.strip())
+    printed = re.search(r"rm (?P<file>.*) && lfobench (?P<rebuild>.*)$", outcome.err.strip())
     assert printed
-    Path(printed["file"]).unlink()
+    Path(*shlex.split(printed["file"])).unlink()
     assert lfobench_command(*shlex.split(printed["rebuild"]), "--workers", "1").code == 0
     rebuilt = load_file(shard)
     assert all(np.array_equal(rebuilt[name], arrays[name]) for name in arrays), "rebuilt as it was"

@@ -49,7 +49,7 @@ def test_tasks_may_differ_in_steps(make_record: Callable[..., Record]) -> None:
             {"simulator": {"gymnasium": "1.4.0", "mujoco": "3.4.0"}},
         ),
         (r"data\.expert = b2 and oril with c3", {"data": {"offline": "a1", "expert": "c3"}}),
-        (r"protocol\.steps = 20000 and oril with 5\. Choose one with --steps", {"protocol": PROTOCOL | {"steps": 5}}),
+        (r"protocol\.steps = 20000 and oril with 5\. Choose one with --steps,", {"protocol": PROTOCOL | {"steps": 5}}),
         (r"extra = None and oril with 1", {"extra": 1}),
     ],
 )

@@ -178,8 +178,18 @@ def test_records_of_one_run_that_contradict_each_other_do_not_count(folder: Reco
     paths = [folder.write(run, record_of(run)), other_place(folder).write(run, record_of(run, metrics=[]))]
     read = folder.read_all()
     assert read.records == []
+    assert read.contradicted == {run.identity_hash: sorted(paths)}
     (warning,) = read.warnings
     assert all(str(path) in warning.what for path in paths)
+
+
+def test_copies_may_differ_in_what_only_describes_them(folder: RecordFolder, run: Run) -> None:
+    folder.write(run, record_of(run))
+    elsewhere = run.cell.labels.model_copy(update={"suite": "called otherwise"})
+    other_place(folder).write(run, record_of(run, labels=elsewhere, warnings=[]))
+    read = folder.read_all()
+    assert len(read.records) == 1
+    assert read.contradicted == {}
 
 
 @pytest.mark.parametrize(
@@ -240,6 +250,17 @@ def test_a_truncated_record_runs_again(folder: RecordFolder, run: Run) -> None:
 def test_no_folder_is_a_users_mistake(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"No folder .*nowhere.*lfobench run"):
         RecordFolder(tmp_path / "nowhere").read_all()
+
+
+def test_a_file_is_not_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    with pytest.raises(UserError, match="file is not a folder"):
+        RecordFolder(tmp_path / "file").read_all()
+
+
+def test_a_name_that_the_system_refuses(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="Cannot look into"):
+        RecordFolder(tmp_path / ("x" * 300)).read_all()
 
 
 def test_the_disk_refuses(tmp_path: Path, run: Run) -> None:
