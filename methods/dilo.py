@@ -47,8 +47,8 @@ from lfobench.contract.randomness import StepRandomness
 from methods.networks import Adam, Network
 from methods.policies import DeterministicPolicy, GaussianPolicy
 
-# 12k steps of batch 256, what a CPU has time for. V has to climb to 200 in them: with the released rates the policy
-# stays at the level of random actions.
+# 12k steps of batch 256, what a CPU has time for. V has to climb towards 200 in them (methods.md 3.1, scale analysis),
+# hence the larger rates; what they reach is in results/reference.
 QUICK = {
     "batch_size": 256,
     "value_learning_rate": 2e-3,

@@ -153,6 +153,8 @@ def test_dilo_recovers_the_experts_visitation(objective: dict[str, Any]) -> None
 @pytest.mark.parametrize("frozen", [True, False], ids=["released", "repaired"])
 def test_smodice_recovers_the_experts_visitation(frozen: bool) -> None:
     settings = {**COMMON, **DISCRIMINATOR, "batch_size": 256, "learning_rate": 1e-3, "freeze_first_layer": frozen}
+    # Chosen for being clear of the bound in 12 seeds. With rate 2e-3 and 40 discriminator passes, one seed of the
+    # released form was still at 0.38 after 1600 steps.
     distances = [distance_to_expert(policy) for policy in trained_policies("smodice", 1600, **settings)]
     assert max(distances) < BOUND, distances
 
