@@ -159,10 +159,10 @@ class Dilo(Method):
         rows = offline["observation"].shape[1]
         target = self._target_values(offline, expert)
         # Three graphs, because each loss term touches different passes: a joint graph would multiply zeros.
-        value_offline = self.value(_pair(offline, "observation", "next_observation"))[..., 0]
-        value_expert = self.value(_pair(expert, "observation", "next_observation"))[..., 0]
+        value_offline = self.value(_pair(offline, "observation", "next_observation")).squeeze(-1)
+        value_expert = self.value(_pair(expert, "observation", "next_observation")).squeeze(-1)
         successors = [_pair(batch, "next_observation", "second_next_observation") for batch in (offline, expert)]
-        value_next = self.value(torch.cat(successors, dim=1))[..., 0]
+        value_next = self.value(torch.cat(successors, dim=1)).squeeze(-1)
 
         discount = self.config.discount * (1.0 - torch.cat((offline["terminated"], expert["terminated"]), dim=1))
         forward_target = discount * target[:, 2 * rows :]
@@ -196,7 +196,7 @@ class Dilo(Method):
             for batch in (offline, expert)
         ]
         with torch.no_grad():
-            return self.target(torch.cat(pairs, dim=1))[..., 0].amin(1)
+            return self.target(torch.cat(pairs, dim=1)).squeeze(-1).amin(1)
 
     def dual_loss(self, offline_residual: Tensor, expert_residual: Tensor) -> Tensor:
         """``mean[beta phi(e^E) + (1 - beta)(phi(e^O) - e^O)]`` over rows and heads, times lambda; ``[S]``.
@@ -228,7 +228,7 @@ class Dilo(Method):
     def policy_weights(self, offline: Batch) -> Tensor:
         """``min(exp(tau min_k V_k(s, s')), limit)`` with the updated online twins, ``[S, B]``; no gradient."""
         with torch.no_grad():
-            value = self.value(_pair(offline, "observation", "next_observation"))[..., 0].amin(1)
+            value = self.value(_pair(offline, "observation", "next_observation")).squeeze(-1).amin(1)
             return torch.exp(self.config.tau * value).clamp(max=self.config.weight_limit)
 
     def update_policy(self, offline: Batch) -> Metrics:

@@ -50,7 +50,14 @@ class Discriminator:
         config: DiscriminatorConfig,
     ) -> None:
         self._config = config
-        self._network = Network(STAGE, (shapes.observation, *hidden, 1), seeds, device, activation=torch.tanh)
+        self._network = Network(
+            STAGE,
+            (shapes.observation, *hidden, 1),
+            seeds,
+            device,
+            activation="tanh",
+            frozen_layers=1 if config.freeze_first_layer else 0,
+        )
         self._optimizer = Adam(self._network.flat, config.discriminator_learning_rate)
 
     def stage(self, sizes: Sizes) -> Stage:
@@ -65,11 +72,11 @@ class Discriminator:
     def reward(self, observation: Tensor) -> Tensor:
         """``R(s) = log D - log(1 - D)``, the raw logit, ``[S, B]``; no gradient."""
         with torch.no_grad():
-            return self._network(observation)[..., 0]
+            return self._network(observation).squeeze(-1)
 
     def classification_loss(self, expert: Tensor, offline: Tensor) -> Tensor:
         """``BCE(D(expert), 1) + BCE(D(offline), 0)`` per seed."""
-        expert_logit, offline_logit = self._network(expert)[..., 0], self._network(offline)[..., 0]
+        expert_logit, offline_logit = self._network(expert).squeeze(-1), self._network(offline).squeeze(-1)
         return -(logsigmoid(expert_logit).mean(-1) + logsigmoid(-offline_logit).mean(-1))
 
     def penalty_loss(self, expert: Tensor, offline: Tensor, fraction: Tensor) -> Tensor:
@@ -86,8 +93,7 @@ class Discriminator:
         classification = self.classification_loss(expert, offline)
         penalty = self.penalty_loss(expert, offline, fraction)
         loss = classification + self._config.gradient_penalty * penalty
-        first_trained = 1 if self._config.freeze_first_layer else 0
-        self._optimizer.step(self._network.gradient(loss, first_layer=first_trained))
+        self._optimizer.step(self._network.gradient(loss))
         return {"discriminator_loss": classification.detach(), "gradient_penalty": penalty.detach()}
 
     def state(self) -> State:

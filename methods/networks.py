@@ -1,12 +1,14 @@
 """Networks with a leading seed axis, and their optimiser.
 
 All parameters of a network are one flat tensor ``[S*H, P]`` (S seeds, H heads, P padded with zeros); layers are
-views of it. One program therefore evaluates every seed and head with one batched product per layer, and an
-optimiser step, a target update or an inner product of gradients is one operation.
+views of it. One program therefore evaluates every seed and head, and an optimiser step, a target update or an inner
+product of gradients is one operation.
 """
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -16,6 +18,7 @@ import torch
 from torch import Tensor
 
 from lfobench.contract.randomness import Randomness
+from methods.perceptron import Activation, Layout, Parameters, Pass, composed, evaluated
 
 Initialization = Literal["torch", "xavier"]
 
@@ -47,6 +50,7 @@ class Network:
         initialization: of the weights.
         merged_outputs: layers of equal width that the last one holds side by side; each has a layer's own initial
             bounds.
+        frozen_layers: layers from the first that keep their initial values.
     """
 
     def __init__(
@@ -57,56 +61,39 @@ class Network:
         device: torch.device,
         *,
         heads: int = 1,
-        activation: Callable[[Tensor], Tensor] = torch.relu,
+        activation: Activation = "relu",
         initialization: Initialization = "torch",
         merged_outputs: int = 1,
+        frozen_layers: int = 0,
     ) -> None:
-        self.sizes = tuple(sizes)
         self.seed_count = len(seeds)
         self.heads = heads
-        self.activation = activation
-        self._set_flat(
-            torch.cat(
-                [_initial_flat(seed, name, self.sizes, heads, initialization, merged_outputs) for seed in seeds]
-            ).to(device)
-        )
+        initial = [_initial_flat(seed, name, sizes, heads, initialization, merged_outputs) for seed in seeds]
+        flat = torch.cat(initial).to(device)
+        self._parameters = Parameters(Layout(tuple(sizes), flat.shape[1], activation, heads, frozen_layers), flat)
 
-    def _set_flat(self, flat: Tensor) -> None:
-        self.flat = flat
-        self.layers: list[tuple[Tensor, Tensor]] = []
-        offset = 0
-        for fan_in, fan_out in pairwise(self.sizes):
-            weight = flat[:, offset : offset + fan_in * fan_out].unflatten(1, (fan_in, fan_out))
-            offset += fan_in * fan_out
-            bias = flat[:, offset : offset + fan_out].unflatten(1, (1, fan_out))
-            offset += fan_out
-            # Detached views are autograd leaves of their own that share the flat storage.
-            self.layers.append((weight.detach().requires_grad_(), bias.detach().requires_grad_()))
+    @property
+    def flat(self) -> Tensor:
+        """``[S*H, P]``, the parameters; an optimiser and `follow` change them in place."""
+        return self._parameters.flat
 
     def __call__(self, inputs: Tensor) -> Tensor:
-        """Outputs ``[S, B, out]``, or ``[S, H, B, out]`` with several heads, of inputs ``[S, B, in]``."""
-        hidden = inputs
-        if self.heads > 1:
-            hidden = inputs[:, None].expand(-1, self.heads, -1, -1).flatten(0, 1)
-        hidden = self._run(self.layers, hidden)
-        return hidden.unflatten(0, (self.seed_count, self.heads)) if self.heads > 1 else hidden
+        """Outputs ``[S, B, out]``, or ``[S, H, B, out]`` with several heads, of inputs ``[S, B, in]``.
 
-    def _run(self, layers: Sequence[tuple[Tensor, Tensor]], hidden: Tensor) -> Tensor:
-        for index, (weight, bias) in enumerate(layers):
-            hidden = _linear(hidden, weight, bias)
-            if index < len(layers) - 1:
-                hidden = self.activation(hidden)
-        return hidden
+        Inputs that need a gradient get one, and may be differentiated twice; others take the cheaper passes.
+        """
+        if not torch.is_grad_enabled():
+            outputs = evaluated(self._parameters, inputs)
+        elif inputs.requires_grad:
+            outputs = composed(self._parameters.layout, self._parameters.leaf, inputs)
+        else:
+            outputs = Pass.apply(self._parameters.leaf, self._parameters, inputs)  # type: ignore[no-untyped-call]
+        return outputs.unflatten(0, (self.seed_count, self.heads)) if self.heads > 1 else outputs
 
-    def gradient(self, loss: Tensor, *, retain_graph: bool = False, first_layer: int = 0) -> Tensor:
-        """Gradient ``[S*H, P]`` of a per-seed loss ``[S]``; layers below `first_layer` get zeros."""
-        tensors = [tensor for layer in self.layers[first_layer:] for tensor in layer]
-        gradients = torch.autograd.grad(loss.sum(), tensors, retain_graph=retain_graph)
-        parts = [gradient.flatten(1) for gradient in gradients]
-        skipped = sum(tensor[0].numel() for layer in self.layers[:first_layer] for tensor in layer)
-        padding = self.flat.shape[1] - skipped - sum(part.shape[1] for part in parts)
-        zeros = self.flat.new_zeros(self.flat.shape[0], skipped + padding)
-        return torch.cat([zeros[:, :skipped], *parts, zeros[:, skipped:]], dim=1)
+    def gradient(self, loss: Tensor, *, retain_graph: bool = False) -> Tensor:
+        """Gradient ``[S*H, P]`` of a per-seed loss ``[S]``; zeros for frozen layers."""
+        (gradient,) = torch.autograd.grad(loss.sum(), self._parameters.leaf, retain_graph=retain_graph)
+        return gradient
 
     def per_seed(self, flat: Tensor) -> Tensor:
         """A tensor ``[S*H, P]`` seen as one vector over all heads per seed, ``[S, H*P]``."""
@@ -114,18 +101,14 @@ class Network:
 
     def head(self, index: int) -> Callable[[Tensor], Tensor]:
         """The `index`-th head alone: ``[S, B, in] -> [S, B, out]``, differentiable in its input."""
-        layers = [
-            (weight.unflatten(0, (-1, self.heads))[:, index], bias.unflatten(0, (-1, self.heads))[:, index])
-            for weight, bias in self.layers
-        ]
-        return lambda inputs: self._run(layers, inputs)
+        flat = self.flat.unflatten(0, (self.seed_count, self.heads))[:, index]
+        alone = dataclasses.replace(self._parameters.layout, heads=1)
+        return lambda inputs: composed(alone, flat, inputs)
 
     def copy(self) -> Network:
         """A network with the same parameters in storage of its own (a target network)."""
-        twin = object.__new__(Network)
-        twin.sizes, twin.seed_count = self.sizes, self.seed_count
-        twin.heads, twin.activation = self.heads, self.activation
-        twin._set_flat(self.flat.clone())
+        twin = copy.copy(self)
+        twin._parameters = Parameters(self._parameters.layout, self.flat.clone())
         return twin
 
     def follow(self, online: Network, rate: float) -> None:
@@ -148,16 +131,6 @@ class SeedVector:
     def padded(self, gradient: Tensor) -> Tensor:
         """A gradient ``[S, width]`` in the shape of `flat`."""
         return torch.nn.functional.pad(gradient, (0, self.flat.shape[1] - gradient.shape[1]))
-
-
-def _linear(inputs: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
-    """``inputs @ weight + bias`` per entry of the leading axis."""
-    # Batched products with one column, forward or in a gradient, take a path that rounds with the batch size.
-    if weight.shape[-2] == 1:
-        return inputs * weight + bias
-    if weight.shape[-1] == 1:
-        return (inputs * weight.mT).sum(-1, keepdim=True) + bias
-    return torch.baddbmm(bias, inputs, weight)
 
 
 def _initial_flat(

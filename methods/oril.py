@@ -116,13 +116,13 @@ class Oril(Method):
         with torch.no_grad():
             next_observation = offline["next_observation"]
             next_action = (torch.tanh(self.actor_target(next_observation)) + smoothing).clamp(-1.0, 1.0)
-            next_value = self.critic_target(torch.cat((next_observation, next_action), dim=-1))[..., 0].amin(1)
+            next_value = self.critic_target(torch.cat((next_observation, next_action), dim=-1)).squeeze(-1).amin(1)
             bootstrap = (1.0 - offline["terminated"]) * config.discount * next_value
         return self.discriminator.reward(offline["observation"]) + bootstrap
 
     def critic_loss(self, offline: Batch, target: Tensor) -> Tensor:
         """``sum_k mean (Q_k(s, a) - y)^2``, ``[S]``."""
-        value = self.critic(torch.cat((offline["observation"], offline["action"]), dim=-1))[..., 0]
+        value = self.critic(torch.cat((offline["observation"], offline["action"]), dim=-1)).squeeze(-1)
         return (value - target[:, None]).square().mean(-1).sum(-1)
 
     def update_critic(self, offline: Batch, randomness: StepRandomness) -> Metrics:
@@ -138,7 +138,7 @@ class Oril(Method):
         The second mean runs over rows and action dimensions alike.
         """
         action = torch.tanh(self.actor(offline["observation"]))
-        value = self.critic.head(0)(torch.cat((offline["observation"], action), dim=-1))[..., 0]
+        value = self.critic.head(0)(torch.cat((offline["observation"], action), dim=-1)).squeeze(-1)
         scale = self.config.value_weight / value.detach().abs().mean(-1)
         return -scale * value.mean(-1) + (action - offline["action"]).square().mean((1, 2))
 

@@ -119,7 +119,7 @@ class Smodice(Method):
     def update_value(self, offline: Batch) -> tuple[Metrics, Tensor]:
         """One step on L_V; returns metrics and the policy weights, both from the value before the step."""
         residual = self.residual(offline)
-        initial = self.value(offline["initial_observation"])[..., 0]
+        initial = self.value(offline["initial_observation"]).squeeze(-1)
         loss = self.value_loss(residual, initial)
         weight = self.policy_weights(residual.detach())
         self.value_optimizer.step(self.value.gradient(loss))
@@ -128,8 +128,8 @@ class Smodice(Method):
 
     def residual(self, offline: Batch) -> Tensor:
         """``e = R(s) + (1 - d) gamma V(s') - V(s)``, ``[S, B]``; full gradient through both values."""
-        value = self.value(offline["observation"])[..., 0]
-        value_next = self.value(offline["next_observation"])[..., 0]
+        value = self.value(offline["observation"]).squeeze(-1)
+        value_next = self.value(offline["next_observation"]).squeeze(-1)
         reward = self.discriminator.reward(offline["observation"])
         return reward + (1.0 - offline["terminated"]) * self.config.discount * value_next - value
 
