@@ -95,7 +95,7 @@ class Oril(Method):
         """The discriminator first, then frozen."""
         return (
             self.discriminator.stage(sizes),
-            Stage("policy", None, offline_batch=self.config.batch_size, expert_batch=0),
+            Stage("policy", None, self.config.batch_size, expert_batch=0, period=self.config.policy_delay),
         )
 
     def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
@@ -103,7 +103,7 @@ class Oril(Method):
         if stage == discriminator.STAGE:
             return self.discriminator.update(expert["observation"], offline["observation"], randomness)
         metrics = self.update_critic(offline, randomness)
-        if (randomness.step + 1) % self.config.policy_delay == 0:
+        if randomness.phase == self.config.policy_delay - 1:
             self.update_actor(offline)
             self.actor_target.follow(self.actor, self.config.target_rate)
             self.critic_target.follow(self.critic, self.config.target_rate)

@@ -15,6 +15,7 @@ drawn with replacement, the authors' from a shuffled pass, which a million rows 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal
 
@@ -140,8 +141,7 @@ class Smodice(Method):
         """
         linear = (1.0 - self.config.discount) * initial.mean(-1)
         if self.config.divergence == "kl":
-            rows = residual.shape[-1]
-            return linear + torch.logsumexp(residual, dim=-1) - torch.log(residual.new_tensor(float(rows)))
+            return linear + torch.logsumexp(residual, dim=-1) - math.log(residual.shape[-1])
         return linear + (residual.square() / 2.0 + residual).mean(-1)
 
     def policy_weights(self, residual: Tensor) -> Tensor:

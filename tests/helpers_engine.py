@@ -29,6 +29,7 @@ from lfobench.contract.randomness import StepRandomness
 from lfobench.contract.record import Record
 from lfobench.data.build import build, missing_shards
 from lfobench.engine.job import Advance, Job, Recorded, carry_out
+from lfobench.engine.sampling import StageSampler
 from lfobench.plan.cells import Cell
 from lfobench.plan.parts import requests
 from lfobench.plan.planning import Request, make_plan
@@ -101,6 +102,14 @@ def records_of(job: Job) -> list[Record]:
     return found
 
 
+def batches_at(sampler: StageSampler, step: int) -> tuple[Batch, Batch]:
+    """The batches of one step."""
+    sampler.draws.move_to(step, sampler.draws.refill)
+    batches = sampler.batches(sampler.expert_rows(step))
+    sampler.draws.pass_on()
+    return batches
+
+
 class FakeConfig(MethodConfig):
     """What a fake method does, and when."""
 
@@ -124,6 +133,7 @@ class Drifting(Method):
     def __init__(self, config: FakeConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
         self.config, self.seeds = config, list(seeds)
         self.factor = torch.ones(len(seeds), 1, 1)
+        self.drifts = torch.zeros(())
         start = torch.tensor([float(seed + 1) for seed in seeds], device=device)
         self.weight = start[:, None, None] * torch.linspace(0.1, 0.3, shapes.observation * shapes.action).view(
             1, shapes.observation, shapes.action
@@ -137,19 +147,20 @@ class Drifting(Method):
         if expert:
             drift = drift + expert["observation"].mean((1, 2))
         self.weight += 0.01 * drift[:, None, None]
-        if stage == "drift" and randomness.step >= self.config.poisoned_step:
+        if stage == "drift" and self.drifts >= self.config.poisoned_step:
             for index, seed in enumerate(self.seeds):
                 if seed == self.config.poisoned_seed:
                     {"state": self.weight, "metrics": drift, "action": self.factor}[self.config.where][index] = (
                         torch.nan
                     )
+        self.drifts += stage == "drift"
         return {"drift": drift}
 
     def act(self, observation: Tensor) -> Tensor:
         return torch.tanh((observation[..., None] * self.weight[:, None]).sum(-2)) * self.factor
 
     def state(self) -> State:
-        return {"weight": self.weight}
+        return {"weight": self.weight, "drifts": self.drifts}
 
 
 class Silent(Drifting):

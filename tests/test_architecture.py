@@ -21,7 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "plan": {"contract", "errors", "registry"},
     "data": {"contract", "plan", "errors", "files", "processes", "registry"},
     "store": {"contract", "plan", "errors", "files"},
-    "engine": {"contract", "plan", "data", "store", "errors", "files", "registry"},
+    "engine": {"contract", "plan", "data", "store", "errors", "files", "processes", "registry"},
     "executors": {"contract", "engine", "errors", "processes"},
     "stats": {"contract"},
     "render": {"contract", "stats", "errors"},

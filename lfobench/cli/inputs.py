@@ -26,11 +26,14 @@ def request(
     source: str,
     device: str,
     steps: int | None,
+    precision: str,
 ) -> Request:
     """The options that ``run`` and ``why`` share, as one value."""
     from lfobench.plan.planning import Request
 
-    return Request(methods, suite, tasks, seeds, protocol, preset, tuple(assign or ()), source, device, steps)
+    return Request(
+        methods, suite, tasks, seeds, protocol, preset, tuple(assign or ()), source, device, steps, precision
+    )
 
 
 def resolve(wanted: Request) -> Plan:

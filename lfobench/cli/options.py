@@ -21,6 +21,12 @@ Assignments = Annotated[
 ]
 Source = Annotated[str, typer.Option(help="Where data comes from: generated.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda.")]
+Precision = Annotated[
+    str,
+    typer.Option(
+        help="Of matrix products: float32, tf32 (CUDA), bf16, or auto: tf32 on a CUDA device, float32 on a CPU."
+    ),
+]
 Out = Annotated[Path, typer.Option(help="Folder of the records.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 

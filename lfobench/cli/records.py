@@ -56,6 +56,7 @@ def why(
     assign: options.Assignments = None,
     source: options.Source = "generated",
     device: options.Device = "auto",
+    precision: options.Precision = "auto",
     out: options.Out = options.DEFAULT_OUT,
     as_json: options.Json = False,
 ) -> None:
@@ -69,7 +70,7 @@ def why(
     from lfobench.data.cache import cache_folder
     from lfobench.store.explain import explain
 
-    plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps))
+    plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision))
     read = read_folder(out)
     warn(read.warnings)
     in_cache = {task.name: planned.cached_fingerprints(plan, task, cache_folder()) for task in plan.tasks}

@@ -22,6 +22,7 @@ def run(
     assign: options.Assignments = None,
     source: options.Source = "generated",
     device: options.Device = "auto",
+    precision: options.Precision = "auto",
     workers: Annotated[int | None, typer.Option(min=1, help="Processes. Default: one per core on a CPU.")] = None,
     out: options.Out = options.DEFAULT_OUT,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the plan and stop.")] = False,
@@ -38,7 +39,7 @@ def run(
     from lfobench.files import writable_folder
     from lfobench.plan.parts import build_command
 
-    plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps))
+    plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision))
     read = read_folder(out)
     warn(read.warnings)
     count = workers or (1 if plan.device == "cuda" else available_cores())

@@ -91,6 +91,7 @@ class Stage:
         expert_batch: expert rows per seed and update; 0 for none.
         expert_epochs: draw expert rows in shuffled passes (last batch of a pass short) instead of with
             replacement.
+        period: updates after which the update's operations repeat, for one that does not do the same at every step.
     """
 
     name: str
@@ -98,6 +99,7 @@ class Stage:
     offline_batch: int
     expert_batch: int
     expert_epochs: bool = False
+    period: int = 1
 
 
 class Method(ABC):
@@ -139,6 +141,10 @@ class Method(ABC):
     @abstractmethod
     def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
         """One gradient step of `stage` for every seed.
+
+        It must be made of tensor operations on its arguments and on `state`, in place: an engine may record them once
+        and replay them (as a CUDA graph). No value may be read back, and nothing in Python may depend on the step but
+        through ``randomness.phase``.
 
         Args:
             stage: name of the running stage.

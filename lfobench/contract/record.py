@@ -17,7 +17,7 @@ from lfobench.contract.identity import check_identity
 SCHEMA = 1
 """Form of a record; another version's records are named and skipped."""
 
-NUMBERS = 1
+NUMBERS = 2
 """What equal identities stand for, in every identity under ``schema``: raised whenever sampling, boundary rules,
 shared networks, the training loop or evaluation change a number. A method's own losses raise `Method.version`."""
 

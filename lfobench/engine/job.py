@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +20,7 @@ from lfobench.engine.training import Advance, Trainer
 from lfobench.files import writable_folder
 from lfobench.plan.cells import Cell, Run
 from lfobench.plan.parts import build_command
+from lfobench.processes import keep_freed_memory
 from lfobench.registry import load_suite
 from lfobench.store.folder import RecordFolder
 
@@ -34,6 +35,8 @@ class Job:
         out: the output folder.
         cache: root of the dataset cache.
         device: ``cpu`` or ``cuda``.
+        threads: of this process, for products on a CPU.
+        evaluators: processes that evaluate beside training; 0 evaluates in the training process.
     """
 
     cell: Cell
@@ -41,6 +44,8 @@ class Job:
     out: Path
     cache: Path
     device: str
+    threads: int = 1
+    evaluators: int = 0
 
     @property
     def runs(self) -> list[Run]:
@@ -61,6 +66,7 @@ class Recorded:
     path: Path
     score: float
     diverged: bool
+    warnings: Sequence[Warning]
 
 
 class Busy(Exception):
@@ -88,7 +94,8 @@ def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[],
     if all(folder.find(run) for run in job.runs):
         checkpoint.with_suffix(".lock").unlink(missing_ok=True)
         return
-    torch.set_num_threads(1)
+    torch.set_num_threads(job.threads)
+    keep_freed_memory()
     device = torch.device(job.device)
     cell = job.cell
     rebuild = build_command(cell.suite, cell.protocol.name, cell.task.name)
@@ -96,7 +103,8 @@ def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[],
     needs = cell.method.needs(cell.config)
     mixture = data.mixture(needs)
     inputs = {"data": data.fingerprints, "packages": package_versions()}
-    trainer = Trainer(cell, job.seeds, view(cell.method, needs, mixture, device), device, inputs, checkpoint, stop)
+    seen = view(cell.method, needs, mixture, device)
+    trainer = Trainer(cell, job.seeds, seen, device, inputs, checkpoint, stop, job.evaluators)
     yield from trainer.run()
     if not trainer.finished:
         return
@@ -105,7 +113,7 @@ def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[],
             continue
         record = _record(run, trainer, index, data, needs, device)
         path = folder.write(run, record)
-        yield Recorded(run.label, path, record.score(), record.status == "diverged")
+        yield Recorded(run.label, path, record.score(), record.status == "diverged", trainer.warnings)
     checkpoint.unlink(missing_ok=True)
     checkpoint.with_suffix(".lock").unlink(missing_ok=True)
 
@@ -121,8 +129,8 @@ def _record(run: Run, trainer: Trainer, index: int, data: TaskData, needs: DataN
         diverged_at=diverged_at,
         evaluations=progress.evaluations[index],
         metrics=progress.metrics[index],
-        warnings=list(_warnings(diverged_at, data, needs)),
-        provenance=provenance(device, progress.seconds, data.fingerprints)
+        warnings=[*_warnings(diverged_at, data, needs), *trainer.warnings],
+        provenance=provenance(device, run.cell.precision, progress.seconds, data.fingerprints)
         | {"seeds_trained_together": len(progress.evaluations)},
     )
 

@@ -14,11 +14,11 @@ import torch
 from torch import Tensor
 
 from lfobench.contract.method import Field, Method, Shapes, Sizes
-from lfobench.contract.randomness import Randomness, StepRandomness
+from lfobench.contract.randomness import Randomness
 from lfobench.contract.suite import Demonstrator, Environment, FloatArray
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
-from lfobench.engine.sampling import StageSampler
+from lfobench.engine.program import Program, recorder_for
 from lfobench.plan.cells import Cell
 
 PROBE_ROWS = 4096
@@ -105,13 +105,13 @@ class Prober:
         randomness = Randomness(range(seeds), self._device)
         measured = {}
         for stage in method.stages(view.sizes):
-            sampler = StageSampler(view, stage, randomness)
+            recorder = recorder_for(self._device)
+            program = Program(method, view, stage, randomness, precision=cell.precision, recorder=recorder)
             step = 0
 
-            def update(name: str = stage.name, sampler: StageSampler = sampler) -> None:
+            def update(program: Program = program) -> None:
                 nonlocal step
-                offline, expert = sampler.batches(step)
-                method.update(name, offline, expert, StepRandomness(randomness, step))
+                program.update(step)
                 step += 1
 
             measured[stage.name] = _seconds_per_call(update, self._device)

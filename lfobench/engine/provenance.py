@@ -13,6 +13,7 @@ from typing import Any
 import torch
 
 import lfobench
+from lfobench.plan.precision import Precision, effective
 
 PACKAGES = ("torch", "numpy", "gymnasium", "mujoco", "scipy", "lfobench")
 
@@ -46,13 +47,20 @@ def package_versions() -> dict[str, str]:
     return found
 
 
-def provenance(device: torch.device, seconds: dict[str, float], fingerprints: dict[str, str]) -> dict[str, Any]:
+def provenance(
+    device: torch.device, precision: Precision, seconds: dict[str, float], fingerprints: dict[str, str]
+) -> dict[str, Any]:
     """Everything that a reader of the record may want to know about how it was made."""
     name = torch.cuda.get_device_name(device) if device.type == "cuda" else _processor_name()
     return {
         "finished_at": datetime.now(UTC).isoformat(timespec="seconds"),
         "seconds": {kind: round(value, 3) for kind, value in seconds.items()},
-        "device": {"type": device.type, "name": name, "threads": torch.get_num_threads(), "precision": "float32"},
+        "device": {
+            "type": device.type,
+            "name": name,
+            "threads": torch.get_num_threads(),
+            "precision": effective(precision, device.type),
+        },
         "packages": package_versions(),
         "python": platform.python_version(),
         "platform": platform.platform(),

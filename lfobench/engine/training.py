@@ -18,13 +18,16 @@ import torch
 from torch import Tensor
 
 from lfobench.contract.method import Method, Stage
-from lfobench.contract.randomness import Randomness, StepRandomness
-from lfobench.contract.record import Evaluation, Metrics, content_hash
+from lfobench.contract.randomness import Randomness
+from lfobench.contract.record import Evaluation, Metrics, Warning, content_hash
 from lfobench.data.firewall import View
 from lfobench.engine import checkpoint
 from lfobench.engine.checkpoint import Progress
 from lfobench.engine.evaluation import Evaluator
-from lfobench.engine.sampling import StageSampler, check_tables
+from lfobench.engine.evaluation_workers import EvaluationWorkers
+from lfobench.engine.program import Program, recorder_for
+from lfobench.engine.rollout import EpisodeResults
+from lfobench.engine.sampling import check_tables
 from lfobench.errors import UserError
 from lfobench.plan.cells import Cell
 
@@ -54,6 +57,10 @@ class Trainer:
         inputs: what else decides the numbers, as JSON data; a checkpoint made under other inputs is not continued.
         checkpoint_path: where to continue from and save to.
         stop: asked between steps; when it says True the job saves and ends without records.
+        evaluators: processes that evaluate beside training; 0 evaluates in this one, in turn with it.
+
+    Attributes:
+        warnings: what went other than planned, and changes no number.
     """
 
     def __init__(
@@ -65,6 +72,7 @@ class Trainer:
         inputs: Mapping[str, Any],
         checkpoint_path: Path,
         stop: Callable[[], bool] = lambda: False,
+        evaluators: int = 0,
     ) -> None:
         self._cell, self._seeds, self._view, self._device = cell, list(seeds), view, device
         self._path, self._stop = checkpoint_path, stop
@@ -72,8 +80,12 @@ class Trainer:
         self._randomness = Randomness(self._seeds, device)
         self._stages = self.method.stages(view.sizes)
         self._job = content_hash([cell.identity, self._seeds, device.type, inputs])
-        self._metric_sums: dict[str, Tensor] = {}
+        self._resumed_sums: dict[str, Tensor] = {}
         self._evaluator = Evaluator(cell.task, view.transform, len(self._seeds), cell.protocol.evaluation_episodes)
+        self._beside = (
+            EvaluationWorkers(cell, view.transform, view.shapes, self._seeds, evaluators) if evaluators else None
+        )
+        self.warnings: list[Warning] = []
         self.progress = Progress.start(len(self._seeds))
         for stage in self._stages:
             if problem := check_tables(stage, view.offline, view.expert):
@@ -88,49 +100,63 @@ class Trainer:
     def run(self) -> Iterator[Advance]:
         """Train to the end or to the stop; `progress` holds the result."""
         self._resume()
-        saved = shown = time.monotonic()
         try:
             while self.progress.stage < len(self._stages):
                 stage = self._stages[self.progress.stage]
-                sampler = StageSampler(self._view, stage, self._randomness)
-                length = self.steps_of(stage)
-                while self.progress.step < length:
-                    if self._stop():
-                        self._save()
-                        return
-                    self._update(stage, sampler)
-                    at_evaluation = stage.steps is None and self._evaluation_due(length)
-                    if at_evaluation:
-                        self._evaluate()
-                    now = time.monotonic()
-                    if at_evaluation or now - saved > CHECKPOINT_SECONDS:
-                        self._save()
-                        saved = now
-                    if at_evaluation or now - shown > EVENT_SECONDS:
-                        shown = now
-                        yield self._advance(stage)
-                if stage.steps is not None:
-                    self._write_metrics()
+                program = Program(
+                    self.method,
+                    self._view,
+                    stage,
+                    self._randomness,
+                    precision=self._cell.precision,
+                    recorder=recorder_for(self._device),
+                )
+                program.add_to_metrics(self._resumed_sums)
+                yield from self._run_stage(stage, program)
+                if self.progress.step < self.steps_of(stage):
+                    return
+                self._resumed_sums = {}
                 self.progress.stage, self.progress.step = self.progress.stage + 1, 0
         finally:
             self._evaluator.close()
+            if self._beside is not None:
+                self._beside.close()
+
+    def _run_stage(self, stage: Stage, program: Program) -> Iterator[Advance]:
+        saved = shown = time.monotonic()
+        length = self.steps_of(stage)
+        while self.progress.step < length:
+            if self._stop():
+                self._save(program)
+                return
+            self._update(program)
+            at_evaluation = stage.steps is None and self._evaluation_due(length)
+            if at_evaluation:
+                self._evaluate(program)
+            now = time.monotonic()
+            if now - saved > CHECKPOINT_SECONDS or (at_evaluation and self._beside is None):
+                self._save(program)
+                saved = now
+            if at_evaluation or now - shown > EVENT_SECONDS:
+                shown = now
+                self._settle(wait=False)
+                yield self._advance(stage)
+        self._settle(wait=True)
+        if stage.steps is not None:
+            self._write_metrics(program)
+        if program.problem is not None:
+            self.warnings.append(program.problem)
+        if stage.steps is None and self._beside is not None:
+            yield self._advance(stage)
 
     @property
     def finished(self) -> bool:
         """Whether every stage is complete."""
         return self.progress.stage == len(self._stages)
 
-    def _update(self, stage: Stage, sampler: StageSampler) -> None:
+    def _update(self, program: Program) -> None:
         started = time.perf_counter()
-        step = self.progress.step
-        offline, expert = sampler.batches(step)
-        metrics = self.method.update(stage.name, offline, expert, StepRandomness(self._randomness, step))
-        for name, value in metrics.items():
-            total = self._metric_sums.get(name)
-            if total is None:
-                self._metric_sums[name] = value.clone()
-            else:
-                total += value
+        program.update(self.progress.step)
         self.progress.step += 1
         self.progress.seconds["train"] += time.perf_counter() - started
 
@@ -138,33 +164,54 @@ class Trainer:
         step = self.progress.step
         return step % self._cell.protocol.evaluation_every == 0 or step == length
 
-    def _evaluate(self) -> None:
-        started = time.perf_counter()
+    def _evaluate(self, program: Program) -> None:
         step = self.progress.step
-        self._write_metrics()
+        started = time.perf_counter()
+        self._write_metrics(program)
         self._mark_diverged(step)
-        results = self._evaluator.evaluate(self.method, self._device)
-        for index, rows in enumerate(self.progress.evaluations):
-            if self.progress.diverged_at[index] is None and not results.finite[index]:
-                self.progress.diverged_at[index] = step
-            if self.progress.diverged_at[index] is None:
-                returns, lengths = results.returns[index].tolist(), results.lengths[index].tolist()
-                rows.append(Evaluation(step=step, returns=returns, lengths=lengths))
+        # Reading the metrics waited for the device, which was training until then.
+        self.progress.seconds["train"] += time.perf_counter() - started
+        if self._beside is not None:
+            # One at a time: a queue of snapshots would only hide that evaluation is the bottleneck.
+            self._settle(wait=True)
+            self._beside.submit(step, self.method.state())
+            return
+        started = time.perf_counter()
+        self._note(step, self._evaluator.evaluate(self.method, self._device))
         self.progress.seconds["evaluate"] += time.perf_counter() - started
 
-    def _write_metrics(self) -> None:
+    def _settle(self, wait: bool) -> None:
+        """Note the evaluations that workers have finished, or `wait` for all of them."""
+        while self._beside is not None and self._beside.pending and (wait or self._beside.ready()):
+            evaluated = self._beside.collect()
+            self.progress.seconds["evaluate"] += evaluated.seconds
+            self._note(evaluated.step, evaluated.results)
+
+    def _note(self, step: int, results: EpisodeResults) -> None:
+        for index, rows in enumerate(self.progress.evaluations):
+            diverged_at = self.progress.diverged_at[index]
+            if diverged_at is not None and diverged_at <= step:
+                continue
+            if not results.finite[index]:
+                self.progress.diverged_at[index] = step
+                continue
+            returns, lengths = results.returns[index].tolist(), results.lengths[index].tolist()
+            rows.append(Evaluation(step=step, returns=returns, lengths=lengths))
+
+    def _write_metrics(self, program: Program) -> None:
         """Turn the sums since the last row into one row of means per seed."""
         every = self._cell.protocol.evaluation_every
-        if not self._metric_sums:
+        sums = program.metric_sums()
+        if not sums:
             return
         stage = self._stages[self.progress.stage]
         step = self.progress.step
         count = step if stage.steps is not None else (step % every or every)
-        means = {name: (total.double() / count).tolist() for name, total in self._metric_sums.items()}
+        means = {name: (total.double() / count).tolist() for name, total in sums.items()}
         for index, rows in enumerate(self.progress.metrics):
             values = {name: _finite(per_seed[index]) for name, per_seed in means.items()}
             rows.append(Metrics(stage=stage.name, step=step, values=values))
-        self._metric_sums = {}
+        program.clear_metrics()
 
     def _mark_diverged(self, step: int) -> None:
         """A seed whose state or latest metrics are not finite is diverged; the others go on."""
@@ -192,19 +239,15 @@ class Trainer:
             score=sum(scores) / len(scores) if scores else None,
         )
 
-    def _tensors(self) -> dict[str, Tensor]:
-        sums = {METRIC_PREFIX + name: total for name, total in self._metric_sums.items()}
-        return {**self.method.state(), **sums}
-
-    def _save(self) -> None:
-        checkpoint.save(self._path, self._job, self.progress, self._tensors())
+    def _save(self, program: Program) -> None:
+        self._settle(wait=True)
+        sums = {METRIC_PREFIX + name: total for name, total in program.metric_sums().items()}
+        checkpoint.save(self._path, self._job, self.progress, {**self.method.state(), **sums})
 
     def _resume(self) -> None:
         if resumed := checkpoint.load(self._path, self._job, self.method.state()):
             self.progress, sums = resumed
-            self._metric_sums = {
-                name.removeprefix(METRIC_PREFIX): total.to(self._device) for name, total in sums.items()
-            }
+            self._resumed_sums = {name.removeprefix(METRIC_PREFIX): total for name, total in sums.items()}
 
 
 def _finite(value: float) -> float | None:

@@ -14,6 +14,7 @@ from lfobench.contract.method import Method, MethodConfig, PresetName
 from lfobench.contract.record import NUMBERS, Labels, content_hash
 from lfobench.contract.suite import Recipe, Task
 from lfobench.errors import UserError, unknown_name
+from lfobench.plan.precision import Precision
 from lfobench.plan.protocol import Protocol
 
 
@@ -34,6 +35,7 @@ class Cell:
         source: where the data comes from.
         data: what identifies the data parts before they are read (level to part id).
         simulator: versions that decide the dynamics.
+        precision: of matrix products, as asked for.
     """
 
     method: type[Method]
@@ -48,6 +50,7 @@ class Cell:
     source: str
     data: Mapping[str, str]
     simulator: Mapping[str, str]
+    precision: Precision
 
     @property
     def recipe(self) -> Recipe:
@@ -73,6 +76,7 @@ class Cell:
             "data": dict(self.data),
             "protocol": self.protocol.identity(self.task),
             "simulator": dict(self.simulator),
+            "precision": self.precision,
         }
 
     @property

@@ -12,6 +12,7 @@ from lfobench.errors import UserError, unknown_name
 from lfobench.plan.cells import Cell, Run, configure
 from lfobench.plan.names import parse_assignments, parse_seeds, select_tasks, split_names
 from lfobench.plan.parts import requests, simulator_versions
+from lfobench.plan.precision import check_precision
 from lfobench.plan.protocol import Protocol, load_protocol
 from lfobench.registry import load_method, load_suite
 
@@ -33,6 +34,7 @@ class Request:
     source: str = "generated"
     device: str = "auto"
     steps: int | None = None
+    precision: str = "auto"
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
         UserError: for anything that does not exist or does not parse; nothing has been written by then.
     """
     device = _device(request.device, cuda_available)
+    precision = check_precision(request.precision, device)
     protocol, reason = choose_protocol(request.protocol, device)
     protocol = replace(protocol, assigned_steps=request.steps)
     if request.source not in SOURCES:
@@ -107,6 +110,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
             source=request.source,
             data=data,
             simulator=simulator,
+            precision=precision,
         )
         for task in tasks
         for data in [_data(suite, task, protocol)]

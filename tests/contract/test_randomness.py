@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chisquare, kstest
 
-from lfobench.contract.randomness import Randomness, StepRandomness, philox
+from lfobench.contract.randomness import Randomness, philox
 
 WORD = 2**32
 
@@ -209,11 +209,3 @@ def test_permutations_put_every_index_everywhere_equally_often() -> None:
     orders = torch.cat([randomness.permutation("expert pass", step, 6) for step in range(200)])
     for place in range(6):
         assert chisquare(np.bincount(orders[:, place].numpy(), minlength=6)).pvalue > 1e-4
-
-
-def test_a_steps_draws_are_those_of_its_randomness() -> None:
-    randomness = Randomness([5, 6])
-    step = StepRandomness(randomness, 17)
-    assert step.step == 17
-    assert torch.equal(step.normal("a", 4, 3), randomness.normal("update: a", 17, 12).view(2, 4, 3))
-    assert torch.equal(step.uniform("a", 4, 1), randomness.uniform("update: a", 17, 4).view(2, 4, 1))

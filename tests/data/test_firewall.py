@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from helpers_engine import Drifting
+from helpers_engine import Drifting, batches_at
 from raw_rows import make_episodes
 from torch import Tensor
 
 from lfobench.contract.method import DataNeeds, Field, Method, Stage
-from lfobench.contract.randomness import Randomness, StepRandomness
+from lfobench.contract.randomness import Randomness
 from lfobench.contract.suite import Recipe
 from lfobench.data.episodes import Episodes
 from lfobench.data.firewall import FirewallError, View, view
 from lfobench.data.mixing import mix
+from lfobench.engine.draws import Draws, RunningStep
 from lfobench.engine.sampling import StageSampler
 from lfobench.registry import load_method, method_names
 
@@ -86,7 +87,7 @@ def batches(method: type[Method], config: Any, sight: View) -> Iterator[tuple[st
     for stage in instance.stages(sight.sizes):
         sampler = StageSampler(sight, stage, Randomness([0, 1]))
         for step in range(3):
-            offline, expert = sampler.batches(step)
+            offline, expert = batches_at(sampler, step)
             if stage.offline_batch:
                 yield "offline", dict(offline), stage
             if stage.expert_batch:
@@ -213,12 +214,12 @@ def test_no_draw_tells_where_a_row_comes_from(purpose: str) -> None:
     needs = DataNeeds(offline=("observation", "action"))
     sight = view(load_method("bc"), needs, mix(offline, expert, Recipe("random", 540, "expert", 30, 9), needs, 9), CPU)
     stage = Stage("policy", None, offline_batch=512, expert_batch=0)
-    batch, _ = StageSampler(sight, stage, Randomness([0])).batches(0)
+    batch, _ = batches_at(StageSampler(sight, stage, Randomness([0])), 0)
     from_expert = batch["observation"][0, :, 0] >= 5_000
     assert 0.2 < from_expert.float().mean() < 0.5
     for guess in (
         Randomness([0]).uniform(purpose, 0, 512)[0],
-        StepRandomness(Randomness([0]), 0).uniform(purpose, 512)[0],
+        RunningStep(Draws(Randomness([0]), 1), 0).uniform(purpose, 512)[0],
     ):
         rank = guess.argsort().argsort().double()
         apart = (rank[from_expert].mean() - rank[~from_expert].mean()).abs() / 512.0

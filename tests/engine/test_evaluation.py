@@ -28,19 +28,21 @@ def transform(indicator: bool = False) -> ObservationTransform:
     return ObservationTransform(shift, np.linspace(0.5, 2.0, 11, dtype=np.float32), indicator)
 
 
-def plain_loop(method: Method, change: ObservationTransform) -> tuple[list[list[float]], list[list[int]]]:
+def plain_loop(
+    method: Method, change: ObservationTransform, seeds: int = SEEDS, episodes: int = EPISODES
+) -> tuple[list[list[float]], list[list[int]]]:
     """One environment, one episode at a time, one observation at a time; the other rows of a batch are empty."""
     returns: list[list[float]] = []
     lengths: list[list[int]] = []
-    for seed in range(SEEDS):
+    for seed in range(seeds):
         returns.append([])
         lengths.append([])
-        for episode in range(EPISODES):
+        for episode in range(episodes):
             environment = HOPPER.environment.make()
             observation, _ = environment.reset(seed=start_seed(HOPPER, episode))
             total, steps, over = 0.0, 0, False
             while not over:
-                batch = torch.zeros(SEEDS, EPISODES, change.size)
+                batch = torch.zeros(seeds, episodes, change.size)
                 batch[seed, episode] = torch.from_numpy(change(np.asarray(observation, np.float32)))
                 action = method.act(batch)[seed, episode].numpy()
                 observation, reward, terminated, truncated, _ = environment.step(action)
@@ -145,6 +147,32 @@ def test_a_policy_that_answers_nonsense_does_not_reach_the_simulator(answer: flo
     evaluator.close()
     assert np.isfinite(found.returns).all()
     assert (found.lengths > 0).all()
+    assert found.finite.tolist() == [False, True]
+
+
+def test_what_a_finished_episode_is_answered_does_not_count() -> None:
+    """Its slot still holds the last observation; a policy may answer that with anything."""
+
+    class LateNonsense(Drifting):
+        calls, sound_calls = 0, 0
+
+        def act(self, observation: Tensor) -> Tensor:
+            action = super().act(observation)
+            self.calls += 1
+            action[0, int(ended.argmin()), :] *= torch.nan if self.calls > self.sound_calls else 1.0
+            return action
+
+    zeros = np.zeros(11, np.float32)
+    evaluator = Evaluator(HOPPER, ObservationTransform(zeros, zeros + 1, False), 1, EPISODES)
+    method = LateNonsense(FakeConfig(), Shapes(11, 3), [0], CPU)
+    ended = evaluator.evaluate(Drifting(FakeConfig(), Shapes(11, 3), [0], CPU), CPU).lengths[0]
+    assert ended.min() < ended.max()
+    for sound_calls, finite in ((int(ended.min()), True), (int(ended.min()) - 1, False)):
+        method.calls, method.sound_calls = 0, sound_calls
+        found = evaluator.evaluate(method, CPU)
+        assert found.finite.tolist() == [finite]
+        assert found.lengths.max() == ended.max()
+    evaluator.close()
 
 
 def test_the_horizon_ends_an_episode() -> None:

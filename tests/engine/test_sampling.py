@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 import torch
+from helpers_engine import batches_at
 
 from lfobench.contract.method import Batch, Shapes, Stage
 from lfobench.contract.randomness import Randomness
@@ -41,7 +42,7 @@ EARLY = Stage("early", 100, offline_batch=6, expert_batch=4, expert_epochs=True)
 
 def draw(stage: Stage, seeds: list[int], steps: list[int]) -> list[tuple[Batch, Batch]]:
     sampler = StageSampler(numbered_view(), stage, Randomness(seeds))
-    return [sampler.batches(step) for step in steps]
+    return [batches_at(sampler, step) for step in steps]
 
 
 def same(one: tuple[Batch, Batch], two: tuple[Batch, Batch], seed: int = 0, other: int = 0) -> bool:

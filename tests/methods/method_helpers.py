@@ -13,20 +13,20 @@ from references import Array, Parameters, unflatten
 from torch import Tensor
 
 from lfobench.contract.method import Batch, DataNeeds, Field, Method, Shapes, Stage
-from lfobench.contract.randomness import Randomness, StepRandomness
+from lfobench.contract.randomness import Randomness
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
-from lfobench.engine.sampling import StageSampler
+from lfobench.engine.program import Program
 
 CPU = torch.device("cpu")
 NO_BATCH: Batch = {}
 
 
-class GivenRandomness(StepRandomness):
+class GivenRandomness:
     """Draws chosen by the test instead of drawn."""
 
-    def __init__(self, step: int = 0, *, normal: Tensor | None = None, uniform: Tensor | None = None) -> None:
-        super().__init__(Randomness([0]), step)
+    def __init__(self, phase: int = 0, *, normal: Tensor | None = None, uniform: Tensor | None = None) -> None:
+        self.phase = phase
         self._given = {"normal": normal, "uniform": uniform}
 
     def normal(self, purpose: str, *shape: int) -> Tensor:
@@ -144,12 +144,12 @@ def train(
     method: Method, stage: Stage, view: View, seeds: Sequence[int], steps: int, first_step: int = 0
 ) -> list[dict[str, Tensor]]:
     """Updates as the engine makes them; returns their metrics."""
-    randomness = Randomness(seeds)
-    sampler = StageSampler(view, stage, randomness)
+    program = Program(method, view, stage, Randomness(seeds))
     metrics = []
     for step in range(first_step, first_step + steps):
-        offline, expert = sampler.batches(step)
-        metrics.append(method.update(stage.name, offline, expert, StepRandomness(randomness, step)))
+        program.update(step)
+        metrics.append({name: total.clone() for name, total in program.metric_sums().items()})
+        program.clear_metrics()
     return metrics
 
 

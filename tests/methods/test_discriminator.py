@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import references as ref
 import torch
+from helpers_engine import batches_at
 from method_helpers import (
     NO_BATCH,
     GivenRandomness,
@@ -105,9 +106,10 @@ def test_a_thousand_expert_rows_make_4000_released_steps_with_a_short_last_batch
     view = random_view(method.needs(built.config), SHAPES, 5000, 1000)
     sampler = StageSampler(view, stage, Randomness(SEEDS))
     passes = [
-        torch.cat([sampler.batches(step)[1]["observation"] for step in range(first, first + 4)], 1) for first in (0, 4)
+        torch.cat([batches_at(sampler, step)[1]["observation"] for step in range(first, first + 4)], 1)
+        for first in (0, 4)
     ]
-    assert [sampler.batches(step)[1]["observation"].shape[1] for step in range(5)] == [256, 256, 256, 232, 256]
+    assert [batches_at(sampler, step)[1]["observation"].shape[1] for step in range(5)] == [256, 256, 256, 232, 256]
     for seed in range(len(SEEDS)):
         assert len(torch.unique(passes[0][seed], dim=0)) == 1000, "a pass visits every expert state once"
     assert not torch.equal(passes[0], passes[1]), "every pass has an order of its own"

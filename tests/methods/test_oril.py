@@ -47,7 +47,7 @@ def offline_batch(seed: int, ended: float = 0.3) -> Batch:
 
 
 def update(oril: Oril, offline: Batch, step: int) -> None:
-    oril.update("policy", offline, NO_BATCH, GivenRandomness(step, normal=NOISE))
+    oril.update("policy", offline, NO_BATCH, GivenRandomness(step % oril.config.policy_delay, normal=NOISE))
 
 
 def critics_of(oril: Oril, name: str, seed: int) -> list[ref.Parameters]:

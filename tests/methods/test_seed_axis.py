@@ -171,7 +171,7 @@ def run_on_given_batches(method: Method, poison: float | None) -> list[dict[str,
                 batches.append(batch)
             width = 1 if stage.name == "discriminator" else HOPPER.action
             randomness = GivenRandomness(
-                step,
+                step % stage.period,
                 normal=normal(generator, len(SEEDS), rows, HOPPER.action),
                 uniform=uniform(generator, len(SEEDS), rows, width),
             )

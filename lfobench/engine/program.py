@@ -1,0 +1,162 @@
+"""The updates of one stage, as fast as the device takes them: run as they are written, or recorded and replayed.
+
+On CUDA the whole step (choice of rows, losses, optimiser, target update, sums of metrics) becomes one graph per kind of
+step, and so does the drawing of a chunk's random numbers; a step is then one launch. The first steps of every kind run
+eagerly: they are training steps like any other, and they let libraries set themselves up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from lfobench.contract.method import Method, Stage
+from lfobench.contract.randomness import Randomness
+from lfobench.contract.record import Warning
+from lfobench.data.firewall import View
+from lfobench.engine.draws import RunningStep
+from lfobench.engine.precision import products
+from lfobench.engine.sampling import StageSampler
+from lfobench.plan.precision import Precision
+
+WARM_UP = 3
+Kind = tuple[int, int]
+
+
+class Recorder(Protocol):
+    """Turns work into something that repeats it without Python."""
+
+    def __call__(self, work: Callable[[], None]) -> Callable[[], None]:
+        """Record the operations of `work` without carrying them out; the result carries them out.
+
+        Raises:
+            RuntimeError: where an operation cannot be recorded.
+        """
+        ...
+
+
+class CudaGraphs:
+    """Records CUDA graphs that share one memory pool."""
+
+    def __init__(self) -> None:
+        self._pool = torch.cuda.graph_pool_handle()
+
+    def __call__(self, work: Callable[[], None]) -> Callable[[], None]:
+        """See `Recorder`."""
+        graph = torch.cuda.CUDAGraph()
+        # Other threads of this process train other jobs meanwhile, and may allocate.
+        with torch.cuda.graph(graph, pool=self._pool, capture_error_mode="thread_local"):
+            work()
+        return graph.replay
+
+
+def recorder_for(device: torch.device) -> Recorder | None:
+    """CUDA graphs on CUDA; elsewhere steps run as they are written."""
+    return CudaGraphs() if device.type == "cuda" else None
+
+
+class Program:
+    """Carries out a stage's updates.
+
+    Args:
+        method: what is trained.
+        view: the data, behind the firewall.
+        stage: one of the method's.
+        randomness: of the seeds.
+        precision: of matrix products.
+        recorder: what records steps; None runs every step eagerly.
+
+    Attributes:
+        problem: why steps are not recorded although they were to be, if so.
+    """
+
+    def __init__(
+        self,
+        method: Method,
+        view: View,
+        stage: Stage,
+        randomness: Randomness,
+        *,
+        precision: Precision = "auto",
+        recorder: Recorder | None = None,
+    ) -> None:
+        self._method, self._stage, self._precision, self._recorder = method, stage, precision, recorder
+        self._device = randomness.device
+        self._sampler = StageSampler(view, stage, randomness)
+        self._sums: dict[str, Tensor] = {}
+        self._eager_steps: dict[Kind, int] = {}
+        self._replays: dict[Kind, Callable[[], None]] = {}
+        self._refill: tuple[int, Callable[[], None]] | None = None
+        self.problem: Warning | None = None
+
+    def update(self, step: int) -> None:
+        """One update; `step` is the number of updates of the stage before it."""
+        self._sampler.draws.move_to(step, self._refill_draws)
+        kind = (step % self._stage.period, self._sampler.expert_rows(step))
+        if kind in self._replays:
+            self._replays[kind]()
+            return
+        done = self._eager_steps.get(kind, 0)
+        if self._recorder is not None and done >= WARM_UP:
+            replay = self._record(lambda: self._carry_out(kind))
+            if replay is not None:
+                self._replays[kind] = replay
+                replay()
+                return
+        self._eager_steps[kind] = done + 1
+        self._carry_out(kind)
+
+    def metric_sums(self) -> dict[str, Tensor]:
+        """Sums of the metrics ``[S]`` over the updates since they were last cleared; live tensors."""
+        return dict(self._sums)
+
+    def clear_metrics(self) -> None:
+        """Start the sums anew."""
+        for total in self._sums.values():
+            total.zero_()
+
+    def add_to_metrics(self, sums: dict[str, Tensor]) -> None:
+        """Sums of earlier updates, from a checkpoint."""
+        self._sums = {name: total.to(self._device).clone() for name, total in sums.items()}
+
+    def _refill_draws(self) -> None:
+        draws = self._sampler.draws
+        if not self._replays:
+            draws.refill()
+            return
+        if self._refill is None or self._refill[0] != draws.kinds:
+            replay = self._record(draws.refill)
+            self._refill = None if replay is None else (draws.kinds, replay)
+        if self._refill is None:
+            draws.refill()
+        else:
+            self._refill[1]()
+
+    def _carry_out(self, kind: Kind) -> None:
+        phase, expert_rows = kind
+        draws = self._sampler.draws
+        offline, expert = self._sampler.batches(expert_rows)
+        with products(self._precision, self._device):
+            metrics = self._method.update(self._stage.name, offline, expert, RunningStep(draws, phase))
+        for name, value in metrics.items():
+            if name in self._sums:
+                self._sums[name].add_(value)
+            else:
+                self._sums[name] = value.clone()
+        draws.pass_on()
+
+    def _record(self, work: Callable[[], None]) -> Callable[[], None] | None:
+        assert self._recorder is not None
+        try:
+            return self._recorder(work)
+        except RuntimeError as error:
+            self._recorder = None
+            cause = str(error).strip().splitlines()[0]
+            self.problem = Warning(
+                what=f"Stage '{self._stage.name}' ran step by step: it could not be recorded ({cause}).",
+                remedy="The numbers hold; only time is lost.",
+            )
+            return None
