@@ -9,6 +9,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 
 # malloc.h
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
@@ -21,6 +22,8 @@ def interrupts_held() -> Iterator[None]:
     Terminals and schedulers signal the whole process group. Only the parent may act on it, also while a worker
     is still importing its modules; a parent that dies takes its workers along by `die_with_parent`.
     """
+    # The first process of an interpreter starts this tracker, which lets the signals through again.
+    resource_tracker.ensure_running()
     previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield

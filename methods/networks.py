@@ -174,8 +174,14 @@ class Adam:
         self._parameters = torch.nn.Parameter(parameters)
         self._learning_rate = torch.tensor(learning_rate, device=parameters.device)
         self._optimizer = torch.optim.Adam(
-            [self._parameters], lr=self._learning_rate, weight_decay=weight_decay, fused=True
+            [self._parameters],
+            lr=learning_rate,
+            weight_decay=weight_decay,
+            fused=True,
+            capturable=parameters.device.type != "cpu",
         )
+        # A tensor, so that the schedule is part of a recorded step.
+        self._optimizer.param_groups[0]["lr"] = self._learning_rate
         # torch.optim creates its state on the first step; a checkpoint needs the tensors from the start.
         self._state = {
             "step": torch.zeros((), device=parameters.device),

@@ -63,7 +63,7 @@ class Layout:
 
     def blocks(self, flat: Tensor) -> list[list[Layer]]:
         """The layers of what runs together: of every entry alone on a CPU, of all of them elsewhere."""
-        if flat.is_cuda:
+        if batched(flat):
             return [self.layers(flat)]
         places = self._places(len(flat))
         return [[(_view(flat, *weight), _view(flat, *bias)) for weight, bias in entry] for entry in places]
@@ -83,15 +83,21 @@ class Layout:
 
     def shared(self, inputs: Tensor) -> Sequence[Tensor]:
         """The inputs ``[S, B, in]`` of every block, one after another."""
-        if inputs.is_cuda:
+        if batched(inputs):
             return [inputs[:, None].expand(-1, self.heads, -1, -1).flatten(0, 1) if self.heads > 1 else inputs]
         return [entry for entry in inputs.unbind() for _ in range(self.heads)]
 
 
 def product_type(device: torch.device) -> torch.dtype:
     """The number type of matrix products: float32, or autocast's inside it."""
-    enabled = torch.is_autocast_enabled(device.type)
-    return torch.get_autocast_dtype(device.type) if enabled else torch.float32
+    if torch.amp.is_autocast_available(device.type) and torch.is_autocast_enabled(device.type):
+        return torch.get_autocast_dtype(device.type)
+    return torch.float32
+
+
+def batched(tensor: Tensor) -> bool:
+    """Whether entries of the leading axis are multiplied as one product."""
+    return tensor.device.type != "cpu"
 
 
 class Parameters:
@@ -116,7 +122,7 @@ class Parameters:
 def composed(layout: Layout, flat: Tensor, inputs: Tensor) -> Tensor:
     """Outputs ``[G, B, out]`` of inputs ``[S, B, in]`` by torch's own operations: differentiable in both, and twice."""
     outputs = []
-    entries = [flat] if flat.is_cuda else flat.split(1)
+    entries = [flat] if batched(flat) else flat.split(1)
     for entry, hidden in zip(entries, layout.shared(inputs), strict=True):
         layers = layout.layers(entry)
         for index, (weight, bias) in enumerate(layers):
@@ -133,9 +139,9 @@ def evaluated(parameters: Parameters, inputs: Tensor) -> Tensor:
     """Outputs ``[G, B, out]`` of inputs ``[S, B, in]`` without gradient."""
     dtype = product_type(inputs.device)
     outputs = []
-    with torch.no_grad(), torch.autocast(inputs.device.type, enabled=False):
+    with torch.no_grad():
         for layers, entry in zip(parameters.blocks(dtype), parameters.layout.shared(inputs.to(dtype)), strict=True):
-            chunks = [entry] if inputs.is_cuda else entry.split(ROWS_IN_CACHE)
+            chunks = [entry] if batched(inputs) else entry.split(ROWS_IN_CACHE)
             outputs.append(torch.cat([_forward(parameters.layout, layers, chunk)[-1] for chunk in chunks], dim=-2))
         return _join(outputs).float()
 
@@ -148,13 +154,12 @@ class Pass(torch.autograd.Function):
         """Keeps what every layer saw."""
         ctx.parameters, ctx.dtype, ctx.unit_signals = parameters, product_type(inputs.device), None
         ctx.seen, outputs = [], []
-        with torch.autocast(inputs.device.type, enabled=False):
-            entries = parameters.layout.shared(inputs.to(ctx.dtype))
-            for layers, entry in zip(parameters.blocks(ctx.dtype), entries, strict=True):
-                *hidden, output = _forward(parameters.layout, layers, entry)
-                ctx.seen.append([entry, *hidden])
-                outputs.append(output)
-            return _join(outputs).float()
+        entries = parameters.layout.shared(inputs.to(ctx.dtype))
+        for layers, entry in zip(parameters.blocks(ctx.dtype), entries, strict=True):
+            *hidden, output = _forward(parameters.layout, layers, entry)
+            ctx.seen.append([entry, *hidden])
+            outputs.append(output)
+        return _join(outputs).float()
 
     @staticmethod
     @once_differentiable
@@ -163,9 +168,9 @@ class Pass(torch.autograd.Function):
         layout: Layout = ctx.parameters.layout
         blocks = ctx.parameters.blocks(ctx.dtype)
         signal = signal.to(ctx.dtype)
-        signals = [signal] if signal.is_cuda else signal.unbind()
+        signals = [signal] if batched(signal) else signal.unbind()
         gradient = torch.empty_like(ctx.parameters.flat)
-        gradient[:, layout.used :] = 0.0
+        gradient[:, layout.used :].zero_()
         if layout.sizes[-1] == 1 and ctx.unit_signals is None:
             # A row's signals are its output's, times signals that depend on the forward pass alone. Several losses of
             # one pass share those, and with them every product but the weights' gradients.

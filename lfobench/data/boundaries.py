@@ -54,19 +54,6 @@ class Rows:
             count,
         )
 
-    def reordered(self, order: IntArray) -> Rows:
-        """The sampled rows in `order` ``[sampled]``; the others keep their places behind them."""
-        order = np.concatenate((order, np.arange(self.sampled, len(self))))
-        second = self.second_next_observation
-        return Rows(
-            self.observation[order],
-            self.action[order],
-            self.next_observation[order],
-            None if second is None else second[order],
-            self.terminated[order],
-            self.sampled,
-        )
-
     def shifted(self, observations: int, actions: int) -> Rows:
         """The same rows when `observations` and `actions` rows are stacked before theirs."""
         second = self.second_next_observation

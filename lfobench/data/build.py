@@ -56,11 +56,7 @@ def check_present(root: Path, wanted: Iterable[tuple[str, PartRequest]], rebuild
         if request.transitions > known.transitions:
             longest[request.specification.hash] = (task, request)
     for task, request in longest.values():
-        cache, transitions = PartCache(root, request.specification), request.transitions
-        absent = set(cache.missing(transitions))
-        for shard in range(cache.specification.shards_for(transitions)):
-            if shard not in absent:
-                cache.read(shard, rebuild(task))
+        PartCache(root, request.specification).check(request.transitions, rebuild(task))
 
 
 def build_shard(job: ShardJob) -> ShardJob:

@@ -6,7 +6,9 @@ import hashlib
 import json
 import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,13 +17,14 @@ import platformdirs
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from lfobench.data.episodes import Episodes, concatenate
+from lfobench.data.episodes import Episodes
+from lfobench.data.shard import ARRAYS, Arrays, Shard, open_shard, read_into, reserve
 from lfobench.errors import UserError
 from lfobench.files import replacing
 from lfobench.plan.parts import PartSpecification
 
 GENERATED = "generated"
-ARRAYS = ("observations", "actions", "rewards", "lengths", "terminated")
+READERS = 2
 
 
 def cache_folder() -> Path:
@@ -91,27 +94,8 @@ class PartCache:
         Raises:
             UserError: when the file is missing, truncated, altered or of another shard, naming it and the way out.
         """
-        path = self.path(shard)
-        remedy = f"Delete it and rebuild: rm {shlex.quote(str(path))} && {rebuild}"
-        try:
-            with safe_open(path, framework="numpy") as file:
-                metadata = file.metadata() or {}
-                episodes = Episodes(**{name: file.get_tensor(name) for name in ARRAYS})
-        except FileNotFoundError as error:
-            raise UserError(f"The dataset shard {path} is missing.", f"Build it: {rebuild}") from error
-        except (SafetensorError, OSError, ValueError, IndexError, TypeError) as error:
-            raise UserError(f"The dataset shard {path} is damaged ({error}).", remedy) from error
-        found = fingerprint(episodes)
-        expected = {
-            "fingerprint": found,
-            "specification": self._description,
-            "shard": str(shard),
-        }
-        if metadata != expected:
-            raise UserError(
-                f"The dataset shard {path} was altered: its fingerprint or description does not match.", remedy
-            )
-        return episodes, found
+        episodes, (mark,) = self._read([shard], rebuild)
+        return episodes, mark
 
     def load(self, transitions: int, rebuild: str) -> tuple[Episodes, str]:
         """The part's first `transitions` steps and the fingerprint of the shards that hold them.
@@ -119,9 +103,51 @@ class PartCache:
         Raises:
             UserError: as `read` does.
         """
-        shards = [self.read(shard, rebuild) for shard in range(self.specification.shards_for(transitions))]
-        mark = _combined(transitions, [mark for _, mark in shards])
-        return concatenate([episodes for episodes, _ in shards]).first_transitions(transitions), mark
+        episodes, marks = self._read(range(self.specification.shards_for(transitions)), rebuild)
+        return episodes.first_transitions(transitions), _combined(transitions, marks)
+
+    def check(self, transitions: int, rebuild: str) -> None:
+        """Read, of the shards that hold the first `transitions` steps, those that are there.
+
+        Raises:
+            UserError: as `read` does, for the first that is damaged.
+        """
+        absent = set(self.missing(transitions))
+        present = [shard for shard in range(self.specification.shards_for(transitions)) if shard not in absent]
+
+        def read(shard: int) -> None:
+            self.read(shard, rebuild)
+
+        with ThreadPoolExecutor(READERS) as readers:
+            list(readers.map(read, present))
+
+    def _read(self, shards: Sequence[int], rebuild: str) -> tuple[Episodes, list[str]]:
+        """Shards end to end and the fingerprint of each; every byte is read once, to where it stays."""
+        description = self._description
+
+        def opened(shard: int) -> Shard:
+            path = self.path(shard)
+            with _damage_named(path, rebuild):
+                return open_shard(path)
+
+        def checked(shard: int, file: Shard, place: Arrays) -> str:
+            with _damage_named(file.path, rebuild):
+                read_into(place, file)
+                found = fingerprint(Episodes(**place))
+            expected = {"fingerprint": found, "specification": description, "shard": str(shard)}
+            if file.metadata != expected:
+                raise UserError(
+                    f"The dataset shard {file.path} was altered: its fingerprint or description does not match.",
+                    _remedy(file.path, rebuild),
+                )
+            return found
+
+        files = [opened(shard) for shard in shards]
+        whole, places = reserve(files)
+        # Most of the time goes into hashing, which leaves the interpreter to other threads.
+        with ThreadPoolExecutor(READERS) as readers:
+            marks = list(readers.map(checked, shards, files, places))
+        return Episodes(**whole), marks
 
     def declared_fingerprint(self, transitions: int) -> str | None:
         """What `load` would give as fingerprint if every shard is what it says; None where one cannot be read."""
@@ -137,3 +163,18 @@ class PartCache:
 
 def _combined(transitions: int, marks: Sequence[str]) -> str:
     return hashlib.sha256(f"{transitions}:{','.join(marks)}".encode()).hexdigest()
+
+
+@contextmanager
+def _damage_named(path: Path, rebuild: str) -> Iterator[None]:
+    """What goes wrong in reading the shard at `path`, as an error with the way out."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise UserError(f"The dataset shard {path} is missing.", f"Build it: {rebuild}") from error
+    except (SafetensorError, OSError, ValueError) as error:
+        raise UserError(f"The dataset shard {path} is damaged ({error}).", _remedy(path, rebuild)) from error
+
+
+def _remedy(path: Path, rebuild: str) -> str:
+    return f"Delete it and rebuild: rm {shlex.quote(str(path))} && {rebuild}"

@@ -109,10 +109,10 @@ class Episodes:
         )
 
 
-def concatenate(parts: Sequence[Episodes]) -> Episodes:
-    """Episodes of all parts, in order."""
+def concatenate(parts: Sequence[Episodes], observations: FloatArray | None = None) -> Episodes:
+    """Episodes of all parts, in order; their observations in the given memory ``[N + E, obs]``, if any."""
     return Episodes(
-        np.concatenate([part.observations for part in parts]),
+        np.concatenate([part.observations for part in parts], out=observations),
         np.concatenate([part.actions for part in parts]),
         np.concatenate([part.rewards for part in parts]),
         np.concatenate([part.lengths for part in parts]),

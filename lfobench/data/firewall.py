@@ -12,14 +12,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import get_args
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from lfobench.contract.method import Batch, DataNeeds, Field, Method, Shapes, Sizes
 from lfobench.contract.randomness import Randomness
 from lfobench.data.boundaries import Rows
-from lfobench.data.episodes import FloatArray, IntArray
+from lfobench.data.episodes import IntArray
 from lfobench.data.mixing import Mixture, ObservationTransform
+
+Column = tuple[Tensor, Tensor | None]
 
 
 class FirewallError(Exception):
@@ -30,12 +33,13 @@ class Table:
     """Rows of one part of the data, on a device: declared fields only.
 
     Args:
-        columns: per field, the storage ``[M, ...]`` and the index of every row into it, ``[R]``.
+        columns: per field, the storage ``[M, ...]`` and the index of every row into it, ``[R]`` (int32 or int64);
+            no index where row r of the storage is the field of row r.
         sampled: rows that training draws.
         rows: rows in all, at least `sampled`.
     """
 
-    def __init__(self, columns: Mapping[Field, tuple[Tensor, Tensor]], sampled: int, rows: int) -> None:
+    def __init__(self, columns: Mapping[Field, Column], sampled: int, rows: int) -> None:
         self._columns = dict(columns)
         self.sampled = sampled
         self.rows = rows
@@ -47,7 +51,13 @@ class Table:
 
     def batch(self, row: Tensor) -> Batch:
         """Rows ``[S, B]`` of every field, ``[S, B, ...]``."""
-        return {field: storage[index[row]] for field, (storage, index) in self._columns.items()}
+        # index_select costs a CPU a fraction of what storage[index[row]] does: most of a batch's time is here.
+        flat = row.reshape(-1)
+        batch: dict[Field, Tensor] = {}
+        for field, (storage, index) in self._columns.items():
+            place = flat if index is None else index.index_select(0, flat)
+            batch[field] = storage.index_select(0, place).view(*row.shape, *storage.shape[1:])
+        return batch
 
 
 @dataclass(frozen=True)
@@ -99,42 +109,54 @@ def view(method: type[Method], needs: DataNeeds, mixture: Mixture, device: torch
     """
     check_declaration(method, needs)
     observations = torch.from_numpy(mixture.observations).to(device)
-    offline = mixture.offline.reordered(_disorder(mixture, mixture.offline.sampled))
-    initial = torch.from_numpy(mixture.initial[_disorder(mixture, len(mixture.initial))]).to(device)
-    initial_fields: dict[Field, tuple[Tensor, Tensor]] = {}
+    actions = torch.from_numpy(mixture.actions)
+    # A permutation that only the whole data decides.
+    randomness = Randomness([zlib.crc32(np.ascontiguousarray(mixture.actions).data)])
+    sampled, episodes = mixture.offline.sampled, len(mixture.initial)
+    order = torch.arange(len(mixture.offline))
+    order[:sampled] = _disorder(randomness, sampled)
+    initial: dict[Field, Column] = {}
     if "initial_observation" in needs.offline:
-        initial_fields["initial_observation"] = (observations, initial)
+        index = _index(mixture.initial, observations).index_select(0, _disorder(randomness, episodes))
+        initial["initial_observation"] = (observations, index.to(device))
     return View(
-        offline=_table(needs.offline, offline, observations, mixture.actions),
-        initial=Table(initial_fields, len(initial), len(initial)),
-        expert=_table(needs.expert, mixture.expert, observations, mixture.actions),
+        offline=_table(needs.offline, mixture.offline, observations, actions, order),
+        initial=Table(initial, episodes, episodes),
+        expert=_table(needs.expert, mixture.expert, observations, actions, None),
         shapes=Shapes(mixture.transform.size, mixture.actions.shape[1]),
         transform=mixture.transform,
     )
 
 
-def _disorder(mixture: Mixture, count: int) -> IntArray:
-    """A permutation ``[count]`` that only the whole data decides."""
-    key = zlib.crc32(mixture.actions.tobytes())
-    return Randomness([key]).permutation("order of the rows", 0, count)[0].numpy()
+def _disorder(randomness: Randomness, count: int) -> Tensor:
+    """A permutation ``[count]``."""
+    return randomness.permutation("order of the rows", 0, count)[0]
 
 
-def _table(fields: tuple[Field, ...], rows: Rows, observations: Tensor, actions: FloatArray) -> Table:
+def _index(index: IntArray, storage: Tensor) -> Tensor:
+    """As int32 where that reaches every row of `storage`: half the memory that a batch's lookups go through."""
+    return torch.from_numpy(index).to(torch.int32 if len(storage) <= torch.iinfo(torch.int32).max else torch.int64)
+
+
+def _table(fields: tuple[Field, ...], rows: Rows, observations: Tensor, actions: Tensor, order: Tensor | None) -> Table:
+    """The rows in `order` ``[R]``, or as they are."""
     device = observations.device
-    every_row = torch.arange(len(rows), device=device)
-    columns: dict[Field, tuple[Tensor, Tensor]] = {}
     indices = {
         "observation": rows.observation,
         "next_observation": rows.next_observation,
         "second_next_observation": rows.second_next_observation,
     }
+
+    def ordered(values: Tensor) -> Tensor:
+        return (values if order is None else values.index_select(0, order)).to(device)
+
+    columns: dict[Field, Column] = {}
     for field in fields:
         if field == "action":
             # Only the actions of these rows: the expert's others have no place here.
-            columns[field] = (torch.from_numpy(actions[rows.action]).to(device), every_row)
+            columns[field] = (ordered(actions.index_select(0, torch.from_numpy(rows.action))), None)
         elif field == "terminated":
-            flags = torch.from_numpy(rows.terminated).to(device, torch.float32)
-            columns[field] = (flags, every_row)
+            columns[field] = (ordered(torch.from_numpy(rows.terminated).to(torch.float32)), None)
         elif (index := indices.get(field)) is not None:
-            columns[field] = (observations, torch.from_numpy(index).to(device))
+            columns[field] = (observations, ordered(_index(index, observations)))
     return Table(columns, rows.sampled, len(rows))

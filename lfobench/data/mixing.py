@@ -11,6 +11,7 @@ from lfobench.contract.suite import Recipe
 from lfobench.data import boundaries
 from lfobench.data.boundaries import Rows
 from lfobench.data.episodes import Episodes, FloatArray, IntArray, concatenate
+from lfobench.data.standard import moments, standardize
 
 STD_FLOOR = 1e-10
 
@@ -83,22 +84,33 @@ def mix(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, h
         ValueError: for a boundary and a termination that no rule combines.
     """
     _check(needs)
-    everything = concatenate([offline, expert])
+    indicator = needs.termination == "absorbing"
+    everything, observations = _stacked(offline, expert, indicator)
     absorbing = len(everything.observations)
     if needs.boundary == "released":
         offline_rows, expert_rows = _released(offline, expert, recipe, needs, horizon)
-        if needs.termination == "absorbing":
+        if indicator:
             offline_rows = boundaries.absorb_transitions(offline_rows, absorbing)
     else:
-        offline_rows, expert_rows = _exact(offline, expert, recipe, needs, absorbing)
-    transform = _transform(everything, offline_rows, needs, absorbing)
-    observations = transform(everything.observations)
-    if transform.indicator:
-        observations = np.concatenate((observations, transform.absorbing()[None]))
+        offline_rows, expert_rows = _exact(offline, expert, everything, recipe, needs)
+    transform = _transform(observations[:absorbing], offline_rows, needs)
+    if indicator:
+        observations[absorbing] = transform.absorbing()
     first = everything.first_observation
     used = np.zeros(absorbing + 1, np.bool_)
     used[offline_rows.observation] = True
     return Mixture(observations, everything.actions, offline_rows, expert_rows, first[used[first]], transform)
+
+
+def _stacked(offline: Episodes, expert: Episodes, indicator: bool) -> tuple[Episodes, FloatArray]:
+    """Both parts, and the memory ``[M, obs (+ 1)]`` that their observations lie in.
+
+    An indicator is a column of zeros beside the observations and a row behind them, so nothing is copied for it.
+    """
+    count, size = len(offline.observations) + len(expert.observations), offline.observations.shape[1]
+    observations = np.empty((count + indicator, size + indicator), np.float32)
+    observations[:, size:] = 0.0
+    return concatenate([offline, expert], observations[:count, :size]), observations
 
 
 def _released(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, horizon: int) -> tuple[Rows, Rows]:
@@ -113,8 +125,11 @@ def _released(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNe
     return boundaries.released_triples(mixed), demonstration.first(max(len(demonstration) - 1, 0)).shifted(*place)
 
 
-def _exact(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, absorbing: int) -> tuple[Rows, Rows]:
-    mixed = concatenate([offline, expert.first_episodes(recipe.expert_trajectories)])
+def _exact(
+    offline: Episodes, expert: Episodes, everything: Episodes, recipe: Recipe, needs: DataNeeds
+) -> tuple[Rows, Rows]:
+    mixed = everything.first_episodes(len(offline.lengths) + recipe.expert_trajectories)
+    absorbing = len(everything.observations)
     place = (len(offline.observations), offline.transitions)
     demonstration = expert.first_episodes(1)
     if not _triples(needs):
@@ -138,12 +153,15 @@ def _triples(needs: DataNeeds) -> bool:
     return "second_next_observation" in (*needs.offline, *needs.expert)
 
 
-def _transform(everything: Episodes, offline: Rows, needs: DataNeeds, absorbing: int) -> ObservationTransform:
-    size = everything.observations.shape[1]
-    shift, scale = np.zeros(size, np.float32), np.ones(size, np.float32)
+def _transform(observations: FloatArray, offline: Rows, needs: DataNeeds) -> ObservationTransform:
+    """Transforms the raw `observations` ``[M, obs (+ 1)]``, whose indicator column is there already, in place."""
+    width = observations.shape[1]
+    shift, scale = np.zeros(width, np.float32), np.ones(width, np.float32)
     if needs.standardize:
         row = offline.observation[: offline.sampled]
-        seen = everything.observations[row[row < absorbing]]
-        shift = seen.mean(0, dtype=np.float64).astype(np.float32)
-        scale = (seen.std(0, dtype=np.float64) + STD_FLOOR).astype(np.float32)
-    return ObservationTransform(shift, scale, needs.termination == "absorbing")
+        mean, std = moments(observations, row[row < len(observations)])
+        shift, scale = mean.astype(np.float32), (std + STD_FLOOR).astype(np.float32)
+        standardize(observations, shift, scale)
+    indicator = needs.termination == "absorbing"
+    size = width - indicator
+    return ObservationTransform(shift[:size], scale[:size], indicator)

@@ -70,6 +70,7 @@ class Program:
         recorder: what records steps; None runs every step eagerly.
 
     Attributes:
+        replayed: updates that were replays.
         problem: why steps are not recorded although they were to be, if so.
     """
 
@@ -90,24 +91,21 @@ class Program:
         self._eager_steps: dict[Kind, int] = {}
         self._replays: dict[Kind, Callable[[], None]] = {}
         self._refill: tuple[int, Callable[[], None]] | None = None
+        self.replayed = 0
         self.problem: Warning | None = None
 
     def update(self, step: int) -> None:
         """One update; `step` is the number of updates of the stage before it."""
         self._sampler.draws.move_to(step, self._refill_draws)
         kind = (step % self._stage.period, self._sampler.expert_rows(step))
-        if kind in self._replays:
-            self._replays[kind]()
-            return
-        done = self._eager_steps.get(kind, 0)
-        if self._recorder is not None and done >= WARM_UP:
-            replay = self._record(lambda: self._carry_out(kind))
-            if replay is not None:
-                self._replays[kind] = replay
-                replay()
-                return
-        self._eager_steps[kind] = done + 1
-        self._carry_out(kind)
+        if kind not in self._replays and self._eager_steps.get(kind, 0) >= WARM_UP:
+            self._record(kind)
+        if replay := self._replays.get(kind):
+            replay()
+            self.replayed += 1
+        else:
+            self._eager_steps[kind] = self._eager_steps.get(kind, 0) + 1
+            self._carry_out(kind)
 
     def metric_sums(self) -> dict[str, Tensor]:
         """Sums of the metrics ``[S]`` over the updates since they were last cleared; live tensors."""
@@ -124,11 +122,8 @@ class Program:
 
     def _refill_draws(self) -> None:
         draws = self._sampler.draws
-        if not self._replays:
-            draws.refill()
-            return
-        if self._refill is None or self._refill[0] != draws.kinds:
-            replay = self._record(draws.refill)
+        if self._replays and (self._refill is None or self._refill[0] != draws.kinds):
+            replay = self._recorded(draws.refill)
             self._refill = None if replay is None else (draws.kinds, replay)
         if self._refill is None:
             draws.refill()
@@ -148,8 +143,13 @@ class Program:
                 self._sums[name] = value.clone()
         draws.pass_on()
 
-    def _record(self, work: Callable[[], None]) -> Callable[[], None] | None:
-        assert self._recorder is not None
+    def _record(self, kind: Kind) -> None:
+        if replay := self._recorded(lambda: self._carry_out(kind)):
+            self._replays[kind] = replay
+
+    def _recorded(self, work: Callable[[], None]) -> Callable[[], None] | None:
+        if self._recorder is None:
+            return None
         try:
             return self._recorder(work)
         except RuntimeError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -19,12 +20,15 @@ from helpers_engine import HOPPER_TASK, TINY
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from raw_rows import make_episodes, walk
+from safetensors.numpy import save_file
 
 import lfobench.data.cache
 from lfobench.contract.suite import Level
 from lfobench.data.build import ShardJob, build, missing_shards
 from lfobench.data.cache import PartCache, fingerprint
+from lfobench.data.episodes import concatenate
 from lfobench.data.generated import roll_out
+from lfobench.data.shard import ARRAYS, open_shard, read_into, reserve
 from lfobench.errors import UserError
 from lfobench.files import TEMPORARY_SUFFIX, remove_leftovers
 from lfobench.plan.parts import PartRequest, PartSpecification, specification
@@ -126,6 +130,73 @@ def test_any_flipped_bit_is_found(cache: PartCache, where: float, bit: int) -> N
     finally:
         path.write_bytes(whole)
     cache.read(0, REBUILD)
+
+
+def test_shards_lie_end_to_end(tmp_path: Path) -> None:
+    store = PartCache(tmp_path, part())
+    pieces = [make_episodes([(70, True), (60, False)], start=1_000 * shard) for shard in range(7)]
+    for shard, piece in enumerate(pieces):
+        store.write(shard, piece)
+    whole, _ = store.load(7 * SHARD, REBUILD)
+    expected = concatenate(pieces).first_transitions(7 * SHARD)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(whole, name), getattr(expected, name))
+
+
+def signed(store: PartCache, shard: int, arrays: dict[str, Any], mark: str = "") -> None:
+    """A file that says of itself what this shard's would."""
+    description = json.dumps(store.specification.identity, sort_keys=True)
+    metadata = {"fingerprint": mark, "specification": description, "shard": str(shard)}
+    store.folder.mkdir(parents=True, exist_ok=True)
+    save_file(arrays, store.path(shard), metadata)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda arrays: arrays | {"observations": arrays["observations"].astype(np.float64)},
+        lambda arrays: arrays | {"rewards": arrays["rewards"][:, None]},
+        lambda arrays: arrays | {"rewards": arrays["rewards"][0]},
+        lambda arrays: arrays | {"actions": arrays["actions"][:-1]},
+        lambda arrays: arrays | {"more": arrays["lengths"]},
+        lambda arrays: {name: array for name, array in arrays.items() if name != "terminated"},
+    ],
+    ids=["type", "dimension", "scalar", "rows", "more", "fewer"],
+)
+def test_arrays_that_no_shard_has_are_damage(
+    tmp_path: Path, change: Callable[[dict[str, Any]], dict[str, Any]]
+) -> None:
+    store, episodes = PartCache(tmp_path, part()), make_episodes([(3, True), (5, False)])
+    arrays = {name: getattr(episodes, name) for name in ARRAYS}
+    signed(store, 0, arrays, fingerprint(episodes))
+    assert walk(store.read(0, REBUILD)[0]) == walk(episodes)
+    signed(store, 0, {name: np.asarray(array) for name, array in change(arrays).items()}, fingerprint(episodes))
+    with pytest.raises(UserError, match=rf"{re.escape(str(store.path(0)))} is damaged"):
+        store.read(0, REBUILD)
+
+
+def test_a_shard_that_does_not_continue_the_others_is_damage(tmp_path: Path) -> None:
+    store = PartCache(tmp_path, part())
+    for shard, width in enumerate((2, 2, 3)):
+        store.write(shard, make_episodes([(SHARD, False)], width=width))
+    with pytest.raises(UserError, match=rf"{re.escape(str(store.path(2)))} is damaged"):
+        store.load(3 * SHARD, REBUILD)
+
+
+def test_a_file_cut_after_its_header_was_read_is_damage(cache: PartCache) -> None:
+    file = open_shard(cache.path(0))
+    _, (place,) = reserve([file])
+    cache.path(0).write_bytes(b"cut")
+    with pytest.raises((OSError, ValueError)):
+        read_into(place, file)
+
+
+def test_checking_reads_what_is_there(cache: PartCache) -> None:
+    cache.check(3 * SHARD, REBUILD)
+    cut(cache.path(1), cache)
+    with pytest.raises(UserError, match=re.escape(str(cache.path(1)))):
+        cache.check(3 * SHARD, REBUILD)
+    cache.check(SHARD, REBUILD)
 
 
 def test_same_seed_same_fingerprint(tmp_path: Path, cache: PartCache) -> None:

@@ -167,7 +167,7 @@ def assert_gone(processes: list[int]) -> None:
 
 def test_a_bug_in_a_worker_is_raised_here() -> None:
     pool = EvaluationWorkers(cell_of(Fragile), POLE, POLE_SHAPES, [0], 1)
-    processes = started(pool, {"weight": torch.zeros(1, 4, 1), "drifts": torch.zeros(())})
+    processes = started(pool, drifting(1))
     with pytest.raises(EvaluationError) as caught:
         pool.collect()
     assert str(caught.value).endswith("at step 7 failed: RuntimeError: a bug in somebody's policy")
@@ -178,7 +178,7 @@ def test_a_bug_in_a_worker_is_raised_here() -> None:
 
 def test_a_worker_that_dies_is_missed() -> None:
     pool = EvaluationWorkers(cell_of(Drifting), POLE, POLE_SHAPES, [0, 1], 2)
-    processes = started(pool, {"weight": torch.zeros(2, 4, 1), "drifts": torch.zeros(())})
+    processes = started(pool, drifting(2))
     os.kill(processes[0], signal.SIGKILL)
     with pytest.raises(EvaluationError, match=r"step 7 failed: its worker process died \(exit code -9\)"):
         pool.ready(timeout=None)
@@ -189,9 +189,7 @@ def test_a_worker_that_dies_is_missed() -> None:
 def test_closing_leaves_nothing_behind_whatever_the_workers_are_at() -> None:
     """The state is larger than a pipe holds, so it is still on its way."""
     pool = EvaluationWorkers(cell_of(Drifting), POLE, POLE_SHAPES, [0, 1], 2)
-    processes = started(
-        pool, {"weight": torch.zeros(2, 4, 1), "drifts": torch.zeros(()), "rest": torch.zeros(2, 1_000_000)}
-    )
+    processes = started(pool, {**drifting(2), "rest": torch.zeros(2, 1_000_000)})
     assert len(processes) == 2
     pool.close()
     assert_gone(processes)
@@ -209,7 +207,7 @@ def test_a_parent_that_forgets_its_workers_or_is_killed_takes_them_along(ending:
         if __name__ == "__main__":
             pool = EvaluationWorkers(cell_of(Drifting), POLE, POLE_SHAPES, [0, 1], 2)
             for _ in range(2):
-                pool.submit(1, {{"weight": torch.zeros(2, 4, 1), "drifts": torch.zeros(())}})
+                pool.submit(1, drifting(2))
             pool.collect()
             print(*(child.pid for child in multiprocessing.active_children()), flush=True)
             {ending}
