@@ -31,7 +31,8 @@ class Agenda:
         requests: the generated parts that the jobs read, by task.
         shards: what of those is still to build.
         cache: root of the dataset cache.
-        workers: processes to use.
+        workers: jobs that run at once: processes on a CPU, threads that share a CUDA device.
+        notes: what was changed to make the plan fit the machine.
     """
 
     plan: Plan
@@ -41,6 +42,7 @@ class Agenda:
     shards: Sequence[ShardJob]
     cache: Path
     workers: int
+    notes: Sequence[Warning] = ()
 
     @property
     def pending(self) -> list[Run]:
@@ -95,7 +97,10 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
     measured: list[float | None] = []
     for job in agenda.jobs:
         try:
-            measured.append(prober.estimate(job.cell, len(job.seeds)).total)
+            estimate = prober.estimate(job.cell, len(job.seeds), job.threads)
+            measured.append(
+                max(estimate.training, estimate.evaluation / job.evaluators) if job.evaluators else estimate.total
+            )
         except UserError:
             raise
         except Exception as error:
@@ -116,7 +121,7 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
             problems[what] = "Nothing trains until all data is made: mend it, or leave the task out with --tasks."
     spread = sum(job_seconds) / agenda.workers
     data = building / min(agenda.workers, len(agenda.shards) or 1)
-    warnings = [Warning(what=what, remedy=remedy) for what, remedy in problems.items()]
+    warnings = [*agenda.notes, *(Warning(what=what, remedy=remedy) for what, remedy in problems.items())]
     return Forecast(job_seconds, data + max([spread, *job_seconds]), warnings)
 
 

@@ -13,12 +13,14 @@ from rich.markup import escape
 
 from lfobench.cli.agenda import Agenda, Forecast
 from lfobench.cli.console import errors
+from lfobench.cli.inputs import warn
 from lfobench.cli.progress import JobLine, OverallLine, display
+from lfobench.contract.record import Warning
 from lfobench.data.build import ShardJob, build
 from lfobench.data.cache import GENERATED
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
-from lfobench.executors import local, pool
+from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
 from lfobench.files import remove_leftovers, write_text
 from lfobench.store.folder import RecordFolder
@@ -37,6 +39,18 @@ class Tally:
         """Add one ended job."""
         self.failed += ended.outcome == "failed"
         self.busy += ended.outcome == "busy"
+
+
+class Said:
+    """Warnings of records, each printed once."""
+
+    def __init__(self) -> None:
+        self._before: set[Warning] = set()
+
+    def warn(self, warnings: Sequence[Warning]) -> None:
+        """Print those that were not printed before."""
+        warn(warning for warning in warnings if warning not in self._before)
+        self._before.update(warnings)
 
 
 class StopRequest:
@@ -113,6 +127,7 @@ def _train(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, qui
     with display(quiet) as shown:
         overall = OverallLine(shown.bars, agenda, expected)
         lines: dict[int, JobLine] = {}
+        said = Said()
         for event in _events(work, agenda.workers, stop):
             job, what = work[event.index], event.what
             if isinstance(what, Advance):
@@ -125,6 +140,7 @@ def _train(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, qui
                 mark = " [red]diverged[/]" if what.diverged else ""
                 if not quiet:
                     errors.print(f"{escape(what.run)}: score {what.score:.1f}{mark}")
+                    said.warn(what.warnings)
             else:
                 if line := lines.pop(event.index, None):
                     line.remove()
@@ -135,6 +151,8 @@ def _train(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, qui
 
 
 def _events(work: Sequence[Job], workers: int, stop: StopRequest) -> Iterator[Event]:
+    if work and work[0].device == "cuda":
+        return lanes.execute(work, carry_out, workers, stop)
     if workers == 1 or len(work) == 1:
         return local.execute(work, carry_out, stop)
     return pool.execute(work, carry_out, workers, stop)

@@ -39,7 +39,7 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     output.print(f"protocol  {protocol.name}{reason}: {protocol.summary}")
     if protocol.assigned_steps is not None:
         output.print(f"steps     {protocol.assigned_steps:,}, set with --steps")
-    output.print(f"device    {plan.device}, {agenda.workers} worker{'s' if agenda.workers > 1 else ''}")
+    output.print(f"device    {plan.device}{_arrangement(agenda)}")
     output.print(f"records   {escape(str(out))}", soft_wrap=True)
     if agenda.shards:
         output.print(f"data      {len(agenda.shards)} shards to build into {escape(str(agenda.cache))}", soft_wrap=True)
@@ -49,6 +49,22 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
         )
     else:
         output.print(f"to do     nothing: all {len(plan.runs)} runs are done")
+
+
+def _arrangement(agenda: Agenda) -> str:
+    """How the jobs share the machine."""
+    at_once = f", {agenda.workers} job{'s' if agenda.workers > 1 else ''} at once"
+    threads = max((job.threads for job in agenda.jobs), default=1)
+    evaluators = max((job.evaluators for job in agenda.jobs), default=0)
+    return (
+        at_once
+        + (f", up to {threads} threads each" if threads > 1 else "")
+        + (
+            f", evaluated beside them by {evaluators} process{'es' if evaluators > 1 else ''} each"
+            if evaluators
+            else ""
+        )
+    )
 
 
 def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:

@@ -23,7 +23,9 @@ def run(
     source: options.Source = "generated",
     device: options.Device = "auto",
     precision: options.Precision = "auto",
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes. Default: one per core on a CPU.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Jobs at once. Default: what the cores, or the device's memory, hold.")
+    ] = None,
     out: options.Out = options.DEFAULT_OUT,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the plan and stop.")] = False,
     as_json: options.Json = False,
@@ -32,9 +34,12 @@ def run(
 
     Example: lfobench run --methods dilo,smodice --suite locomotion --tasks 'hopper-*' --seeds 0-2
     """
-    from lfobench.cli import agenda, execution, planned
+    import torch
+
+    from lfobench.cli import agenda, execution, packing, planned
     from lfobench.data.build import check_present
     from lfobench.data.cache import cache_folder
+    from lfobench.engine.memory import available_bytes
     from lfobench.engine.probe import Prober
     from lfobench.files import writable_folder
     from lfobench.plan.parts import build_command
@@ -42,10 +47,12 @@ def run(
     plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision))
     read = read_folder(out)
     warn(read.warnings)
-    count = workers or (1 if plan.device == "cuda" else available_cores())
-    todo = agenda.make_agenda(plan, read, out, cache_folder(), count)
+    todo = agenda.make_agenda(plan, read, out, cache_folder(), available_cores())
     with errors.status("Measuring this machine…"):
-        expected = agenda.forecast(todo, Prober(plan.device))
+        prober = Prober(plan.device)
+        available = available_bytes(torch.device(plan.device)) if todo.jobs else None
+        todo = packing.packed(todo, prober, available, available_cores(), workers)
+        expected = agenda.forecast(todo, prober)
     if as_json:
         print_json(planned.as_json(todo, expected))
     else:

@@ -1,7 +1,8 @@
-"""A short measured probe: how long this machine will take, before it starts."""
+"""A short measured probe: how long this machine will take and how much memory, before it starts."""
 
 from __future__ import annotations
 
+import itertools
 import statistics
 import time
 from collections.abc import Callable
@@ -13,15 +14,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from lfobench.contract.method import Field, Method, Shapes, Sizes
+from lfobench.contract.method import Field, Method, Shapes, Sizes, Stage
 from lfobench.contract.randomness import Randomness
 from lfobench.contract.suite import Demonstrator, Environment, FloatArray
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
+from lfobench.engine.memory import Footprint, peak_bytes
 from lfobench.engine.program import Program, recorder_for
 from lfobench.plan.cells import Cell
 
+CPU = torch.device("cpu")
 PROBE_ROWS = 4096
+# A thread more must save this part of a step's time: two half-used cores are better given to two jobs.
+THREAD_GAIN = 0.1
 PROBE_SECONDS = 0.25
 WARM_UP = 2
 CALLS_PER_BLOCK = 4
@@ -45,22 +50,25 @@ class Prober:
 
     def __init__(self, device: str) -> None:
         self._device = torch.device(device)
-        self._steps: dict[tuple[str, str, str, int], dict[str, float]] = {}
+        self._steps: dict[tuple[str, str, str, int, int], dict[str, float]] = {}
         self._simulators: dict[str, tuple[float, int, int]] = {}
         self._generation: dict[tuple[str, str], float] = {}
 
-    def estimate(self, cell: Cell, seeds: int) -> Estimate:
+    def estimate(self, cell: Cell, seeds: int, threads: int = 1) -> Estimate:
         """Training from measured updates of every stage; evaluation as if every episode ran to its horizon.
 
         Args:
             cell: what would be trained.
             seeds: how many train together.
+            threads: of one process on a CPU.
         """
         environment, protocol = cell.task.environment, cell.protocol
         simulator_step, observation, action = self._simulator(cell)
-        key = (cell.method.name, cell.config.model_dump_json(), environment.name, seeds)
+        key = (cell.method.name, cell.config.model_dump_json(), environment.name, seeds, threads)
         if key not in self._steps:
-            self._steps[key] = self._measure(cell, observation, action, seeds)
+            torch.set_num_threads(threads)
+            programs = _programs(cell, Shapes(observation, action), seeds, self._device)
+            self._steps[key] = {name: _seconds_per_call(update, self._device) for name, update, _ in programs}
         recipe = cell.recipe
         rows = recipe.offline_transitions + recipe.expert_trajectories * environment.horizon
         sizes = Sizes(offline=rows, expert=recipe.demonstration_rows)
@@ -95,27 +103,46 @@ class Prober:
             )
         return self._generation[key]
 
-    def _measure(self, cell: Cell, observation: int, action: int, seeds: int) -> dict[str, float]:
-        """Seconds per update of every stage on random data of the right shapes."""
+    def threads(self, cell: Cell, most: int) -> int:
+        """Threads of one process, up to `most`, that make a cell's main stage worth them."""
+        best, seconds = 1, self.estimate(cell, 1).training
+        for threads in range(2, most + 1):
+            found = self.estimate(cell, 1, threads).training
+            if found < seconds * (1.0 - THREAD_GAIN):
+                best, seconds = threads, found
+        return best
+
+    def footprint(self, cell: Cell) -> Footprint:
+        """Bytes of the cell's data and of one seed's training, from their shapes and one step on a CPU."""
+        _, observation, action = self._simulator(cell)
+        recipe, horizon = cell.recipe, cell.task.environment.horizon
+        rows = recipe.offline_transitions + recipe.expert_trajectories * horizon
         needs = cell.method.needs(cell.config)
-        indicator = needs.termination == "absorbing"
-        shapes = Shapes(observation + int(indicator), action)
-        view = _random_view(needs.offline, needs.expert, shapes, self._device)
-        method: Method = cell.method(cell.config, shapes, range(seeds), self._device)
-        randomness = Randomness(range(seeds), self._device)
-        measured = {}
-        for stage in method.stages(view.sizes):
-            recorder = recorder_for(self._device)
-            program = Program(method, view, stage, randomness, precision=cell.precision, recorder=recorder)
-            step = 0
+        fields = len(needs.offline) + len(needs.expert)
+        data = rows * 4 * (observation + 1 + action + fields)
+        per_seed = 0
+        for _, update, method in _programs(cell, Shapes(observation, action), 1, CPU):
+            state = sum(tensor.nbytes for tensor in method.state().values())
+            per_seed = max(per_seed, state + peak_bytes(update))
+        return Footprint(fixed=data, per_seed=per_seed)
 
-            def update(program: Program = program) -> None:
-                nonlocal step
-                program.update(step)
-                step += 1
 
-            measured[stage.name] = _seconds_per_call(update, self._device)
-        return measured
+def _programs(
+    cell: Cell, raw: Shapes, seeds: int, device: torch.device
+) -> list[tuple[str, Callable[[], None], Method]]:
+    """Every stage of a cell on random data: its name, a call that makes one update, and the method."""
+    needs = cell.method.needs(cell.config)
+    shapes = Shapes(raw.observation + int(needs.termination == "absorbing"), raw.action)
+    view = _random_view(needs.offline, needs.expert, shapes, device)
+    method: Method = cell.method(cell.config, shapes, range(seeds), device)
+    randomness = Randomness(range(seeds), device)
+
+    def updates(stage: Stage) -> Callable[[], None]:
+        program = Program(method, view, stage, randomness, precision=cell.precision, recorder=recorder_for(device))
+        steps = itertools.count()
+        return lambda: program.update(next(steps))
+
+    return [(stage.name, updates(stage), method) for stage in method.stages(view.sizes)]
 
 
 def _random_view(offline: tuple[Field, ...], expert: tuple[Field, ...], shapes: Shapes, device: torch.device) -> View:

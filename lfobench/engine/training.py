@@ -25,6 +25,7 @@ from lfobench.engine import checkpoint
 from lfobench.engine.checkpoint import Progress
 from lfobench.engine.evaluation import Evaluator
 from lfobench.engine.evaluation_workers import EvaluationWorkers
+from lfobench.engine.precision import precision_warnings
 from lfobench.engine.program import Program, recorder_for
 from lfobench.engine.rollout import EpisodeResults
 from lfobench.engine.sampling import check_tables
@@ -85,7 +86,7 @@ class Trainer:
         self._beside = (
             EvaluationWorkers(cell, view.transform, view.shapes, self._seeds, evaluators) if evaluators else None
         )
-        self.warnings: list[Warning] = []
+        self.warnings: list[Warning] = precision_warnings(cell.precision, device)
         self.progress = Progress.start(len(self._seeds))
         for stage in self._stages:
             if problem := check_tables(stage, view.offline, view.expert):

@@ -1,0 +1,86 @@
+"""Fitting an agenda to the machine: how many jobs at once, with how many seeds, threads and evaluators each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from lfobench.cli.agenda import Agenda
+from lfobench.contract.record import Warning
+from lfobench.engine.job import Job
+from lfobench.engine.memory import Footprint, fitting_groups, fitting_together
+from lfobench.engine.probe import Prober
+from lfobench.errors import UserError
+
+# Jobs that share a CUDA device: one keeps it busy, the others load, record and wait.
+LANES = 3
+# What a worker process takes before it has any data, measured with `ps` after its imports.
+PROCESS_BYTES = 400 * 2**20
+
+
+def packed(agenda: Agenda, prober: Prober, available: int | None, cores: int, workers: int | None) -> Agenda:
+    """The same work, arranged for the machine.
+
+    Args:
+        agenda: what is left to do.
+        prober: measures steps and sizes.
+        available: bytes of memory of the device; None plans without a limit.
+        cores: of the processor.
+        workers: jobs at once that the user asked for; None leaves the number to us.
+    """
+    if not agenda.jobs:
+        return agenda
+    on_cuda = agenda.plan.device == "cuda"
+    footprints = [_footprint(prober, job, on_cuda) for job in agenda.jobs]
+    jobs: list[Job] = []
+    totals: list[int] = []
+    split = 0
+    for job, footprint in zip(agenda.jobs, footprints, strict=True):
+        groups = fitting_groups(job.seeds, footprint, available)
+        split += len(groups) > 1
+        jobs += [replace(job, seeds=group) for group in groups]
+        totals += [footprint.total(len(group)) for group in groups]
+    wanted = workers or (LANES if on_cuda else cores)
+    count = fitting_together(totals, available, wanted)
+    notes = list(_notes(split, count, min(wanted, len(jobs)), available, max(totals)))
+    if on_cuda:
+        jobs = [replace(job, evaluators=max(1, cores // count)) for job in jobs]
+    elif (spare := cores // count) > 1 and workers is None:
+        jobs = [replace(job, threads=_threads(prober, job, spare)) for job in jobs]
+    return replace(agenda, jobs=jobs, workers=count, notes=notes)
+
+
+def _threads(prober: Prober, job: Job, most: int) -> int:
+    try:
+        return prober.threads(job.cell, most)
+    except UserError:
+        raise
+    except Exception:
+        return 1  # the forecast says what failed
+
+
+def _footprint(prober: Prober, job: Job, on_cuda: bool) -> Footprint:
+    try:
+        footprint = prober.footprint(job.cell)
+    except UserError:
+        raise
+    except Exception:
+        footprint = Footprint(0, 0)  # the forecast says what failed
+    return footprint if on_cuda else replace(footprint, fixed=footprint.fixed + PROCESS_BYTES)
+
+
+def _notes(split: int, count: int, wanted: int, available: int | None, largest: int) -> Sequence[Warning]:
+    if available is None:
+        return []
+    free = f"{available / 2**30:.1f} GB of memory may be used"
+    notes = []
+    if split:
+        what = f"{free}, so the seeds of {split} cell{'s' if split > 1 else ''} train in several groups."
+        notes.append(Warning(what=what, remedy="No number changes; it takes longer."))
+    if count < wanted:
+        what = f"{free}, so {count} instead of {wanted} jobs run at once."
+        notes.append(Warning(what=what, remedy="No number changes; it takes longer."))
+    if largest > available:
+        what = f"One seed needs about {largest / 2**30:.1f} GB, and {free}."
+        notes.append(Warning(what=what, remedy="It is tried; a smaller batch or protocol needs less."))
+    return notes
