@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := demo
 
-.PHONY: setup demo test check format clean
+.PHONY: setup demo test check bench format clean
 
 setup: $(VENV)/.ok  ## Create .venv with the versions tested together.
 
@@ -27,6 +27,9 @@ check: setup  ## Lint and types.
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+bench: setup  ## Speed: against the authors' loops, the machine's floor and the targets.
+	$(BIN)/lfobench bench
 
 format: setup
 	$(BIN)/ruff check --fix .

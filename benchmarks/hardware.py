@@ -57,7 +57,7 @@ class Hardware:
 
     def as_json(self) -> dict[str, Any]:
         """JSON data."""
-        return {"name": self.name, **asdict(self)}
+        return {"name": self.name, "slug": self.slug, **asdict(self)}
 
 
 def describe(device: torch.device) -> Hardware:

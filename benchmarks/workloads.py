@@ -29,6 +29,7 @@ from benchmarks.flops import (
 )
 from benchmarks.synthetic import EXPERT_ROWS, OFFLINE_ROWS, Synthetic, synthetic
 from lfobench.contract.method import Method, Shapes
+from lfobench.plan.precision import Precision
 from methods.bc import Bc
 from methods.bco import INVERSE_DYNAMICS, Bco
 from methods.dilo import Dilo
@@ -74,11 +75,13 @@ class Workload:
         """One call is one step of the authors' loop."""
         return self.authors(data.host(), data.shapes, batch, device).step
 
-    def engine_step(self, data: Synthetic, batch: int, seeds: int, device: torch.device) -> Callable[[], None]:
+    def engine_step(
+        self, data: Synthetic, batch: int, seeds: int, device: torch.device, precision: Precision = "auto"
+    ) -> Callable[[], None]:
         """One call is one step of the engine, for that many seeds."""
         config = self._config(batch_size=batch)
         view = data.view(self.method.needs(config), device)
-        return engine_step(self.method, config, view, range(seeds), device, self.stage)
+        return engine_step(self.method, config, view, range(seeds), device, self.stage, precision)
 
     def passes(self, shapes: Shapes, batch: int, account: Account = "needed") -> tuple[Pass, ...]:
         """The inventory at the method's widths; `shapes` as `shapes` gives them."""

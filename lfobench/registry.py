@@ -13,6 +13,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from typing import Any
 
 from lfobench.contract.method import Method
 from lfobench.contract.suite import Suite
@@ -20,6 +21,7 @@ from lfobench.errors import UserError, unknown_name
 
 METHODS = "lfobench.methods"
 SUITES = "lfobench.suites"
+BENCHMARKS = "lfobench.benchmarks"
 
 
 @cache
@@ -79,6 +81,18 @@ def load_suite(name: str) -> Suite:
     if not isinstance(loaded, Suite):
         raise UserError(f"Suite '{name}' ({points[name].value}) is not a lfobench Suite.")
     return loaded
+
+
+def load_benchmarks(name: str) -> Any:
+    """The module behind a set of benchmarks: it has `SECTIONS` and `measure`.
+
+    Raises:
+        UserError: for an unknown name, or a registration that cannot be imported.
+    """
+    points = _points(BENCHMARKS)
+    if name not in points:
+        raise unknown_name("set of benchmarks", name, points)
+    return _load(points[name])
 
 
 def _load(point: EntryPoint) -> object:

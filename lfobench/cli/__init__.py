@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from lfobench.cli import data, records, run, show, table
+from lfobench.cli import bench, data, records, run, show, table
 from lfobench.cli.console import errors, one_line
 from lfobench.errors import UserError
 
@@ -27,6 +27,7 @@ app.command(name="run")(run.run)
 app.command(name="status")(records.status)
 app.command(name="why")(records.why)
 app.command(name="table")(table.table)
+app.command(name="bench")(bench.bench)
 
 
 def main() -> None:

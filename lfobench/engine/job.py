@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -96,6 +97,7 @@ def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[],
         return
     torch.set_num_threads(job.threads)
     keep_freed_memory()
+    started = time.perf_counter()
     device = torch.device(job.device)
     cell = job.cell
     rebuild = build_command(cell.suite, cell.protocol.name, cell.task.name)
@@ -105,9 +107,11 @@ def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[],
     inputs = {"data": data.fingerprints, "packages": package_versions()}
     seen = view(cell.method, needs, mixture, device)
     trainer = Trainer(cell, job.seeds, seen, device, inputs, checkpoint, stop, job.evaluators)
+    loaded = time.perf_counter() - started
     yield from trainer.run()
     if not trainer.finished:
         return
+    trainer.progress.seconds["load"] = loaded
     for index, run in enumerate(job.runs):
         if folder.find(run):
             continue

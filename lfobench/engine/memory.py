@@ -47,21 +47,21 @@ class _Peak(TorchDispatchMode):
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         for given in tree_flatten((args, kwargs))[0]:
             if isinstance(given, Tensor):
-                self._known.add(given.untyped_storage()._cdata)
+                self._follow(given.untyped_storage(), 0)
         out = func(*args, **(kwargs or {}))
         for made in tree_flatten(out)[0]:
             if isinstance(made, Tensor):
-                self._add(made)
+                self._follow(made.untyped_storage(), made.untyped_storage().nbytes())
         return out
 
-    def _add(self, tensor: Tensor) -> None:
-        storage = tensor.untyped_storage()
-        key, size = storage._cdata, storage.nbytes()
+    def _follow(self, storage: torch.UntypedStorage, size: int) -> None:
+        key = storage._cdata
         if key in self._known:
             return
         self._known.add(key)
         self.now += size
         self.most = max(self.most, self.now)
+        # Also of what was given: a later tensor may get its place.
         weakref.finalize(storage, self._drop, key, size)
 
     def _drop(self, key: int, size: int) -> None:

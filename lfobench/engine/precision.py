@@ -30,7 +30,7 @@ def products(precision: Precision, device: torch.device) -> Iterator[None]:
 
 def precision_warnings(precision: Precision, device: torch.device) -> list[Warning]:
     """What a user should know about a precision on this machine."""
-    if precision != "bf16" or device.type != "cpu" or _has_bf16_units():
+    if precision != "bf16" or device.type != "cpu" or has_bf16_units():
         return []
     return [
         Warning(
@@ -40,7 +40,8 @@ def precision_warnings(precision: Precision, device: torch.device) -> list[Warni
     ]
 
 
-def _has_bf16_units() -> bool:
+def has_bf16_units() -> bool:
+    """Whether the processor multiplies bf16 matrices in hardware."""
     try:
         flags = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
     except OSError:

@@ -78,7 +78,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
     Raises:
         UserError: for anything that does not exist or does not parse; nothing has been written by then.
     """
-    device = _device(request.device, cuda_available)
+    device = choose_device(request.device, cuda_available)
     precision = check_precision(request.precision, device)
     protocol, reason = choose_protocol(request.protocol, device)
     protocol = replace(protocol, assigned_steps=request.steps)
@@ -119,7 +119,12 @@ def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
     return Plan(suite, tuple(cells), seeds, protocol, reason, device)
 
 
-def _device(name: str, cuda_available: Callable[[], bool]) -> str:
+def choose_device(name: str, cuda_available: Callable[[], bool]) -> str:
+    """The device of that name; ``auto`` is CUDA where there is one.
+
+    Raises:
+        UserError: for an unknown name, or CUDA where torch has none.
+    """
     if name == "auto":
         return "cuda" if cuda_available() else "cpu"
     if name not in DEVICES:

@@ -1,0 +1,189 @@
+"""Everything that `lfobench bench` measures, section by section."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+
+from benchmarks import built_task
+from benchmarks.ablations import compare_ablations
+from benchmarks.evaluation import compare_evaluation
+from benchmarks.hardware import describe
+from benchmarks.pairs import Contender, Spread
+from benchmarks.synthetic import SHAPES
+from benchmarks.targets import TARGETS, Finding
+from benchmarks.training import AUTHORS, ENGINE, SEEDS, Bench, Effort, StepComparison
+from benchmarks.workloads import WORKLOADS
+from lfobench.engine.precision import has_bf16_units
+
+NO_GPU = "no CUDA device here"
+NO_BF16 = "no bf16 units here"
+SKIPPED = "not asked for"
+Section = Callable[["Speed"], Iterator[tuple[str, Finding]]]
+
+
+@dataclass
+class Speed:
+    """One run of the benchmarks.
+
+    Attributes:
+        device: where training is measured.
+        quick: only show that everything runs.
+        raw: what every section measured, as JSON data.
+    """
+
+    device: torch.device
+    quick: bool
+    raw: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def effort(self) -> Effort:
+        """How long to measure training steps."""
+        return Effort.of(self.quick)
+
+    @property
+    def rounds(self) -> int:
+        """Repetitions of what takes seconds."""
+        return 1 if self.quick else 5
+
+    @property
+    def cores(self) -> int:
+        """Of the processor."""
+        return describe(self.device).cores
+
+    @property
+    def bench(self) -> Bench:
+        """Training steps on hopper's shapes; the floor has no product that the losses of one pass could share."""
+        return Bench(self.device, self.effort, account="shared")
+
+    def steps(self) -> Iterator[tuple[str, Finding]]:
+        """Every method's step against the authors' loop and the floor."""
+        found = self.bench.steps(batches=(256, 1024))
+        self.raw["steps"] = [each.as_json() for each in found]
+        if self.device.type == "cpu":
+            dilo = {each.batch: each for each in found if each.workload == "dilo"}
+            yield "cpu floor", Finding(TARGETS["cpu floor"], dilo[1024].above_floor)
+            yield "cpu authors", Finding(TARGETS["cpu authors"], dilo[256].speedup)
+
+    def seeds(self) -> Iterator[tuple[str, Finding]]:
+        """Several seeds in one program."""
+        numbers = (1, 2) if self.quick else SEEDS
+        batch = WORKLOADS["dilo"].released_batch if self.device.type == "cuda" else 256
+        together = self.bench.seeds(WORKLOADS["dilo"], batch, numbers)
+        self.raw["seeds"] = together.as_json()
+        if self.device.type == "cuda" and not self.quick:
+            yield "gpu seeds", Finding(TARGETS["gpu seeds"], together.step_ratio(7))
+            yield "gpu seed-steps", Finding(TARGETS["gpu seed-steps"], self._seed_steps(7))
+
+    def ablations(self) -> Iterator[tuple[str, Finding]]:
+        """The engine without one of its parts, against the engine as it is."""
+        self.raw["ablations"] = [each.as_json() for each in compare_ablations(self.bench)]
+        yield from ()
+
+    def bf16(self) -> Iterator[tuple[str, Finding]]:
+        """The engine with bf16 products against the authors' loop."""
+        if self.device.type != "cpu":
+            return
+        if not has_bf16_units():
+            yield "cpu bf16", Finding(TARGETS["cpu bf16"], None, NO_BF16)
+            return
+        workload = WORKLOADS["dilo"]
+        data = workload.data(SHAPES["hopper"], self.effort.offline_rows, self.effort.expert_rows)
+        timing = self.effort.time(
+            [
+                Contender(AUTHORS, workload.authors_step(data, 1024, self.device)),
+                Contender(ENGINE, workload.engine_step(data, 1024, 1, self.device, "bf16")),
+            ],
+            self.device,
+        )
+        self.raw["bf16"] = StepComparison("dilo", "hopper", 1024, 0.0, timing).timing.as_json()
+        yield "cpu bf16", Finding(TARGETS["cpu bf16"], timing.ratio(AUTHORS, ENGINE))
+
+    def evaluation(self) -> Iterator[tuple[str, Finding]]:
+        """One environment at a time, lock step, and all cores."""
+        horizon = 20 if self.quick else 300
+        found = [compare_evaluation(name, rounds=self.rounds, horizon=horizon) for name in ("halfcheetah", "hopper")]
+        self.raw["evaluation"] = [each.as_json() for each in found]
+        worst = min((each.workers_speedup for each in found), key=lambda spread: spread.median)
+        yield "evaluation", Finding(TARGETS["evaluation"], _scaled(worst, 1.0 / self.cores))
+
+    def loading(self) -> Iterator[tuple[str, Finding]]:
+        """From files on disk to tables."""
+        found = built_task.loading(self.quick, self.rounds)
+        self.raw["loading"] = found
+        yield "loading", Finding(TARGETS["loading"], built_task.spread_of(found["dilo"]["seconds"]))
+
+    def cell(self) -> Iterator[tuple[str, Finding]]:
+        """One cell from data on disk to records."""
+        on_cuda = self.device.type == "cuda"
+        found = built_task.whole_cell(self.device, 7 if on_cuda else 1, self.cores if on_cuda else 0, self.quick)
+        self.raw["cell"] = found
+        if on_cuda:
+            wall = found["wall_seconds"]
+            yield "gpu cell", Finding(TARGETS["gpu cell"], Spread(wall, wall, wall))
+
+    def _seed_steps(self, seeds: int) -> Spread:
+        workload = WORKLOADS["dilo"]
+        data = workload.data(SHAPES["hopper"], self.effort.offline_rows, self.effort.expert_rows)
+        batch = workload.released_batch
+        timing = self.effort.time(
+            [
+                Contender(AUTHORS, workload.authors_step(data, batch, self.device)),
+                Contender(ENGINE, workload.engine_step(data, batch, seeds, self.device)),
+            ],
+            self.device,
+        )
+        self.raw["seed_steps"] = timing.as_json()
+        return _scaled(timing.ratio(AUTHORS, ENGINE), seeds)
+
+
+SECTIONS: dict[str, Section] = {
+    "loading": Speed.loading,
+    "cell": Speed.cell,
+    "steps": Speed.steps,
+    "ablations": Speed.ablations,
+    "bf16": Speed.bf16,
+    "seeds": Speed.seeds,
+    "evaluation": Speed.evaluation,
+}
+
+
+def measure(
+    device: str, quick: bool, sections: Sequence[str], say: Callable[[str], None]
+) -> tuple[list[Finding], dict[str, Any]]:
+    """Run sections of the benchmarks.
+
+    Args:
+        device: ``cpu`` or ``cuda``.
+        quick: only show that everything runs; the figures mean nothing.
+        sections: names of `SECTIONS`.
+        say: told the name of every section as it begins.
+
+    Returns:
+        A finding per target, in their order, and the raw values as JSON data.
+    """
+    torch.set_num_threads(1)
+    speed = Speed(torch.device(device), quick)
+    hardware = describe(speed.device)
+    found: dict[str, Finding] = {}
+    for name in sections:
+        say(name)
+        found |= dict(SECTIONS[name](speed))
+    findings = [
+        found.get(key) or Finding(target, None, NO_GPU if key.startswith("gpu") and device == "cpu" else SKIPPED)
+        for key, target in TARGETS.items()
+    ]
+    raw = {
+        "hardware": hardware.as_json(),
+        "quick": quick,
+        "targets": [finding.as_json() for finding in findings],
+        **speed.raw,
+    }
+    return findings, raw
+
+
+def _scaled(spread: Spread, by: float) -> Spread:
+    return Spread(spread.minimum * by, spread.median * by, spread.maximum * by)
