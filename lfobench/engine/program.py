@@ -7,6 +7,7 @@ eagerly: they are training steps like any other, and they let libraries set them
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Protocol
 
@@ -39,16 +40,22 @@ class Recorder(Protocol):
 
 
 class CudaGraphs:
-    """Records CUDA graphs that share one memory pool."""
+    """Records CUDA graphs that share one memory pool: replayed one after another, none keeps anything in it."""
+
+    _one_at_a_time = threading.Lock()
 
     def __init__(self) -> None:
         self._pool = torch.cuda.graph_pool_handle()
+        self._stream = torch.cuda.Stream()
 
     def __call__(self, work: Callable[[], None]) -> Callable[[], None]:
         """See `Recorder`."""
         graph = torch.cuda.CUDAGraph()
-        # Other threads of this process train other jobs meanwhile, and may allocate.
-        with torch.cuda.graph(graph, pool=self._pool, capture_error_mode="thread_local"):
+        # Other threads of this process train other jobs meanwhile: they may wait and allocate, but not record.
+        with (
+            self._one_at_a_time,
+            torch.cuda.graph(graph, pool=self._pool, stream=self._stream, capture_error_mode="thread_local"),
+        ):
             work()
         return graph.replay
 

@@ -6,6 +6,7 @@ While one job loads its data, records its steps or waits for its evaluations, th
 from __future__ import annotations
 
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -14,7 +15,7 @@ from queue import Empty, SimpleQueue
 import torch
 
 from lfobench.engine.job import Job
-from lfobench.executors.events import CarryOut, Event, attempt
+from lfobench.executors.events import CarryOut, Ended, Event, attempt
 
 POLL_SECONDS = 0.2
 
@@ -38,9 +39,13 @@ def execute(jobs: Sequence[Job], carry_out: CarryOut, lanes: int, stop: Callable
                     index, job = waiting.popleft()
                 except IndexError:
                     return
-                with _stream(job.device):
-                    for what in attempt(job, carry_out, stopped):
-                        events.put(Event(index, what))
+                try:
+                    with _stream(job.device):
+                        for what in attempt(job, carry_out, stopped):
+                            events.put(Event(index, what))
+                except BaseException as error:  # an exit, or no stream: a thread would end without a word
+                    message = f"{type(error).__name__}: {error}"
+                    events.put(Event(index, Ended("failed", message, traceback.format_exc())))
         finally:
             events.put(None)
 
