@@ -39,7 +39,8 @@ def draw(results: dict[str, Any], path: Path) -> None:
     axes.set_yticks(range(len(steps)), [f"{step['workload']}, {step['batch_size']}" for step in steps])
     axes.invert_yaxis()
     axes.set_xlabel("time of a step over that of its matrix products alone")
-    axes.set_title(f"{results['hardware']['name']}, one thread, float32, one seed", fontsize=8)
+    hardware = results["hardware"]
+    axes.set_title(f"{hardware['name']}, {hardware['threads']} thread, {hardware['precision']}, one seed", fontsize=8)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)

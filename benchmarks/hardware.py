@@ -84,5 +84,5 @@ def _usable_cores() -> int:
 
 
 def _precision(cuda: bool) -> str:
-    reduced = cuda and torch.get_float32_matmul_precision() != "highest"
+    reduced = cuda and torch.backends.cuda.matmul.allow_tf32
     return "float32, products in tensorfloat32" if reduced else "float32"

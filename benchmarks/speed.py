@@ -18,6 +18,7 @@ from benchmarks.targets import TARGETS, Finding
 from benchmarks.training import AUTHORS, ENGINE, SEEDS, Bench, Effort, StepComparison
 from benchmarks.workloads import WORKLOADS
 from lfobench.engine.precision import has_bf16_units
+from lfobench.plan.precision import effective
 
 NO_GPU = "no CUDA device here"
 NO_BF16 = "no bf16 units here"
@@ -166,6 +167,8 @@ def measure(
         A finding per target, in their order, and the raw values as JSON data.
     """
     torch.set_num_threads(1)
+    # For every contender alike; the engine would switch it on for itself.
+    torch.backends.cuda.matmul.allow_tf32 = effective("auto", device) == "tf32"
     speed = Speed(torch.device(device), quick)
     hardware = describe(speed.device)
     found: dict[str, Finding] = {}

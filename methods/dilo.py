@@ -220,9 +220,8 @@ class Dilo(Method):
 
         ``kappa = <g_f, g_b> / max(<g_f, g_f>, 1e-10)`` with both twins as one vector (ODICE's projection).
         """
-        flat_forward, flat_backward = self.value.per_seed(forward), self.value.per_seed(backward)
-        overlap = (flat_forward * flat_backward).sum(-1)
-        kappa = overlap / flat_forward.square().sum(-1).clamp(min=1e-10)
+        overlap = self.value.inner_product(forward, backward)
+        kappa = overlap / self.value.inner_product(forward, forward).clamp(min=1e-10)
         return linear + forward + backward - kappa.repeat_interleave(self.value.heads)[:, None] * forward
 
     def policy_weights(self, offline: Batch) -> Tensor:

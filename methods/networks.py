@@ -95,9 +95,12 @@ class Network:
         (gradient,) = torch.autograd.grad(loss.sum(), self._parameters.leaf, retain_graph=retain_graph)
         return gradient
 
-    def per_seed(self, flat: Tensor) -> Tensor:
-        """A tensor ``[S*H, P]`` seen as one vector over all heads per seed, ``[S, H*P]``."""
-        return flat.view(self.seed_count, -1)
+    def inner_product(self, one: Tensor, other: Tensor) -> Tensor:
+        """Of two tensors shaped as the parameters, all heads of a seed as one vector: ``[S]``.
+
+        In pieces that one thread sums, so that the number of threads changes no bit.
+        """
+        return (one * other).view(self.seed_count, -1, ROW_MULTIPLE).sum(-1).sum(-1)
 
     def head(self, index: int) -> Callable[[Tensor], Tensor]:
         """The `index`-th head alone: ``[S, B, in] -> [S, B, out]``, differentiable in its input."""

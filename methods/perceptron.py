@@ -153,6 +153,7 @@ class Pass(torch.autograd.Function):
     def forward(ctx: Any, leaf: Tensor, parameters: Parameters, inputs: Tensor) -> Tensor:
         """Keeps what every layer saw."""
         ctx.parameters, ctx.dtype, ctx.unit_signals = parameters, product_type(inputs.device), None
+        ctx.version = parameters.flat._version
         ctx.seen, outputs = [], []
         entries = parameters.layout.shared(inputs.to(ctx.dtype))
         for layers, entry in zip(parameters.blocks(ctx.dtype), entries, strict=True):
@@ -165,6 +166,8 @@ class Pass(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, signal: Tensor) -> tuple[Tensor, None, None]:
         """The gradient, written in place layer by layer."""
+        if ctx.parameters.flat._version != ctx.version:
+            raise RuntimeError("the parameters changed between a pass and its gradient")
         layout: Layout = ctx.parameters.layout
         blocks = ctx.parameters.blocks(ctx.dtype)
         signal = signal.to(ctx.dtype)

@@ -32,6 +32,7 @@ class Agenda:
         shards: what of those is still to build.
         cache: root of the dataset cache.
         workers: jobs that run at once: processes on a CPU, threads that share a CUDA device.
+        builders: processes that build data.
         notes: what was changed to make the plan fit the machine.
     """
 
@@ -42,6 +43,7 @@ class Agenda:
     shards: Sequence[ShardJob]
     cache: Path
     workers: int
+    builders: int
     notes: Sequence[Warning] = ()
 
     @property
@@ -73,7 +75,7 @@ def make_agenda(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: 
     wanted = [
         (name, request) for name, cell in cells.items() for request in requests(plan.suite, cell.task, cell.recipe)
     ]
-    return Agenda(plan, done, jobs, wanted, missing_shards(cache, plan.cells[0].suite, wanted), cache, workers)
+    return Agenda(plan, done, jobs, wanted, missing_shards(cache, plan.cells[0].suite, wanted), cache, workers, workers)
 
 
 @dataclass(frozen=True)
@@ -119,8 +121,9 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
         except Exception as error:
             what = f"The {level} data of {task} failed in the probe ({type(error).__name__}: {error})."
             problems[what] = "Nothing trains until all data is made: mend it, or leave the task out with --tasks."
-    spread = sum(job_seconds) / agenda.workers
-    data = building / min(agenda.workers, len(agenda.shards) or 1)
+    # Jobs that share a device were each measured alone on it.
+    spread = sum(job_seconds) / (1 if agenda.plan.device == "cuda" else agenda.workers)
+    data = building / min(agenda.builders, len(agenda.shards) or 1)
     warnings = [*agenda.notes, *(Warning(what=what, remedy=remedy) for what, remedy in problems.items())]
     return Forecast(job_seconds, data + max([spread, *job_seconds]), warnings)
 

@@ -25,7 +25,9 @@ def bench(
     quick: Annotated[
         bool, typer.Option("--quick", help="Show that everything runs; the figures mean nothing.")
     ] = False,
-    out: Annotated[Path, typer.Option(help="Folder of the raw values, one file per machine.")] = Path("results/bench"),
+    out: Annotated[
+        Path, typer.Option(help="Folder of the raw values: a file per machine; of some sections, one beside it.")
+    ] = Path("results/bench"),
     as_json: options.Json = False,
 ) -> None:
     """Time the engine, in alternation with plain reference loops, and hold it to its targets.
@@ -58,6 +60,8 @@ def bench(
         _print_details(raw)
     if not quick:
         path = out / f"{raw['hardware']['slug']}.json"
+        if only is not None and path.exists():
+            path = path.with_name(f"{path.stem}-{'-'.join(sections)}.json")
         write_text(path, json.dumps(raw, indent=2) + "\n")
         errors.print(f"Raw values in {path}", soft_wrap=True)
 

@@ -85,7 +85,7 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
     stop = StopRequest()
     try:
         with stop.listening():
-            build_data(agenda.shards, agenda.workers, stop, quiet)
+            build_data(agenda.shards, agenda.builders, stop, quiet)
             RecordFolder(out).remove_leftovers()
             tally = Tally() if stop() else _train(agenda, expected, out, stop, quiet)
     except KeyboardInterrupt:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from lfobench.cli.agenda import Agenda
 from lfobench.contract.record import Warning
 from lfobench.engine.job import Job
-from lfobench.engine.memory import Footprint, fitting_groups, fitting_together
+from lfobench.engine.memory import Footprint, Memory, fitting_groups, fitting_together
 from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
 
@@ -18,13 +17,13 @@ LANES = 3
 PROCESS_BYTES = 400 * 2**20
 
 
-def packed(agenda: Agenda, prober: Prober, available: int | None, cores: int, workers: int | None) -> Agenda:
+def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: int | None) -> Agenda:
     """The same work, arranged for the machine.
 
     Args:
         agenda: what is left to do.
         prober: measures steps and sizes.
-        available: bytes of memory of the device; None plans without a limit.
+        memory: of the device.
         cores: of the processor.
         workers: jobs at once that the user asked for; None leaves the number to us.
     """
@@ -36,15 +35,16 @@ def packed(agenda: Agenda, prober: Prober, available: int | None, cores: int, wo
     totals: list[int] = []
     split = 0
     for job, footprint in zip(agenda.jobs, footprints, strict=True):
-        groups = fitting_groups(job.seeds, footprint, available)
+        # By what the device has, not by what is free: the groups name the checkpoints that the next command looks for.
+        groups = fitting_groups(job.seeds, footprint, memory.capacity)
         split += len(groups) > 1
         jobs += [replace(job, seeds=group) for group in groups]
         totals += [footprint.total(len(group)) for group in groups]
     wanted = workers or (LANES if on_cuda else cores)
-    count = fitting_together(totals, available, wanted)
-    notes = list(_notes(split, count, min(wanted, len(jobs)), available, max(totals)))
+    count = fitting_together(totals, memory.free, wanted)
+    notes = [*_split_note(split, memory), *_fewer_notes(count, min(wanted, len(jobs)), memory, max(totals))]
     if on_cuda:
-        jobs = [replace(job, evaluators=max(1, cores // count)) for job in jobs]
+        jobs = [replace(job, evaluators=min(len(job.seeds), max(1, cores // count))) for job in jobs]
     elif (spare := cores // count) > 1 and workers is None:
         jobs = [replace(job, threads=_threads(prober, job, spare)) for job in jobs]
     return replace(agenda, jobs=jobs, workers=count, notes=notes)
@@ -69,18 +69,25 @@ def _footprint(prober: Prober, job: Job, on_cuda: bool) -> Footprint:
     return footprint if on_cuda else replace(footprint, fixed=footprint.fixed + PROCESS_BYTES)
 
 
-def _notes(split: int, count: int, wanted: int, available: int | None, largest: int) -> Sequence[Warning]:
-    if available is None:
+def _split_note(split: int, memory: Memory) -> list[Warning]:
+    if not split or memory.capacity is None:
         return []
-    free = f"{available / 2**30:.1f} GB of memory may be used"
+    what = f"{_gigabytes(memory.capacity)}, so the seeds of {split} cell{'s' if split > 1 else ''} train in groups."
+    return [Warning(what=what, remedy="It takes longer; on a GPU, groups of another size round otherwise.")]
+
+
+def _fewer_notes(count: int, wanted: int, memory: Memory, largest: int) -> list[Warning]:
+    if memory.free is None:
+        return []
     notes = []
-    if split:
-        what = f"{free}, so the seeds of {split} cell{'s' if split > 1 else ''} train in several groups."
-        notes.append(Warning(what=what, remedy="No number changes; it takes longer."))
     if count < wanted:
-        what = f"{free}, so {count} instead of {wanted} jobs run at once."
+        what = f"{_gigabytes(memory.free)}, so {count} instead of {wanted} jobs run at once."
         notes.append(Warning(what=what, remedy="No number changes; it takes longer."))
-    if largest > available:
-        what = f"One seed needs about {largest / 2**30:.1f} GB, and {free}."
+    if largest > memory.free:
+        what = f"One job needs about {largest / 2**30:.1f} GB, and {_gigabytes(memory.free)}."
         notes.append(Warning(what=what, remedy="It is tried; a smaller batch or protocol needs less."))
     return notes
+
+
+def _gigabytes(size: int) -> str:
+    return f"{size / 2**30:.1f} GB of memory may be used"

@@ -39,7 +39,7 @@ def run(
     from lfobench.cli import agenda, execution, packing, planned
     from lfobench.data.build import check_present
     from lfobench.data.cache import cache_folder
-    from lfobench.engine.memory import available_bytes
+    from lfobench.engine.memory import memory_of
     from lfobench.engine.probe import Prober
     from lfobench.files import writable_folder
     from lfobench.plan.parts import build_command
@@ -47,11 +47,10 @@ def run(
     plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision))
     read = read_folder(out)
     warn(read.warnings)
-    todo = agenda.make_agenda(plan, read, out, cache_folder(), available_cores())
+    todo = agenda.make_agenda(plan, read, out, cache_folder(), workers or available_cores())
     with errors.status("Measuring this machine…"):
         prober = Prober(plan.device)
-        available = available_bytes(torch.device(plan.device)) if todo.jobs else None
-        todo = packing.packed(todo, prober, available, available_cores(), workers)
+        todo = packing.packed(todo, prober, memory_of(torch.device(plan.device)), available_cores(), workers)
         expected = agenda.forecast(todo, prober)
     if as_json:
         print_json(planned.as_json(todo, expected))

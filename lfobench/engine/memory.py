@@ -77,16 +77,30 @@ def peak_bytes(work: Callable[[], object]) -> int:
     return peak.most
 
 
-def available_bytes(device: torch.device) -> int | None:
-    """What may be planned with on a device; None where the system does not tell."""
+@dataclass(frozen=True)
+class Memory:
+    """Bytes that may be planned with; None where the system does not tell.
+
+    Attributes:
+        capacity: if nobody else used the device.
+        free: as things are.
+    """
+
+    capacity: int | None
+    free: int | None
+
+
+def memory_of(device: torch.device) -> Memory:
+    """The memory of a device, less a reserve."""
     if device.type == "cuda":
-        return round(USABLE * torch.cuda.mem_get_info(device)[0])
+        free, total = torch.cuda.mem_get_info(device)
+        return Memory(round(USABLE * total), round(USABLE * free))
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
     except OSError:
-        return None
-    free = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
-    return round(USABLE * free[0]) if free else None
+        return Memory(None, None)
+    sizes = {line.split(":")[0]: int(line.split()[1]) * 1024 for line in lines}
+    return Memory(round(USABLE * sizes["MemTotal"]), round(USABLE * sizes["MemAvailable"]))
 
 
 def fitting_groups(seeds: Sequence[int], footprint: Footprint, available: int | None) -> list[tuple[int, ...]]:

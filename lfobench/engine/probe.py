@@ -53,6 +53,7 @@ class Prober:
         self._steps: dict[tuple[str, str, str, int, int], dict[str, float]] = {}
         self._simulators: dict[str, tuple[float, int, int]] = {}
         self._generation: dict[tuple[str, str], float] = {}
+        self._seed_bytes: dict[tuple[str, str, str], int] = {}
 
     def estimate(self, cell: Cell, seeds: int, threads: int = 1) -> Estimate:
         """Training from measured updates of every stage; evaluation as if every episode ran to its horizon.
@@ -104,12 +105,13 @@ class Prober:
         return self._generation[key]
 
     def threads(self, cell: Cell, most: int) -> int:
-        """Threads of one process, up to `most`, that make a cell's main stage worth them."""
+        """Threads of one process that are worth them to a cell's training: a power of two, at most `most`."""
         best, seconds = 1, self.estimate(cell, 1).training
-        for threads in range(2, most + 1):
-            found = self.estimate(cell, 1, threads).training
-            if found < seconds * (1.0 - THREAD_GAIN):
-                best, seconds = threads, found
+        while 2 * best <= most:
+            found = self.estimate(cell, 1, 2 * best).training
+            if found > seconds * (1.0 - THREAD_GAIN):
+                break
+            best, seconds = 2 * best, found
         return best
 
     def footprint(self, cell: Cell) -> Footprint:
@@ -120,11 +122,15 @@ class Prober:
         needs = cell.method.needs(cell.config)
         fields = len(needs.offline) + len(needs.expert)
         data = rows * 4 * (observation + 1 + action + fields)
-        per_seed = 0
-        for _, update, method in _programs(cell, Shapes(observation, action), 1, CPU):
-            state = sum(tensor.nbytes for tensor in method.state().values())
-            per_seed = max(per_seed, state + peak_bytes(update))
-        return Footprint(fixed=data, per_seed=per_seed)
+        key = (cell.method.name, cell.config.model_dump_json(), cell.task.environment.name)
+        if key not in self._seed_bytes:
+            torch.set_num_threads(1)
+            programs = _programs(cell, Shapes(observation, action), 1, CPU)
+            self._seed_bytes[key] = max(
+                sum(tensor.nbytes for tensor in method.state().values()) + peak_bytes(update)
+                for _, update, method in programs
+            )
+        return Footprint(fixed=data, per_seed=self._seed_bytes[key])
 
 
 def _programs(

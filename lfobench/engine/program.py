@@ -7,6 +7,7 @@ eagerly: they are training steps like any other, and they let libraries set them
 
 from __future__ import annotations
 
+import gc
 import threading
 from collections.abc import Callable
 from typing import Protocol
@@ -40,24 +41,44 @@ class Recorder(Protocol):
 
 
 class CudaGraphs:
-    """Records CUDA graphs that share one memory pool: replayed one after another, none keeps anything in it."""
+    """Records CUDA graphs that share one memory pool: replayed one after another, none keeps anything in it.
+
+    They are recorded on the stream they are replayed on. torch has 32 streams and hands them out in turn, so one made
+    here could be another job's, whose work would be recorded instead of done.
+    """
 
     _one_at_a_time = threading.Lock()
+    _of_the_main_thread: torch.cuda.Stream | None = None
 
     def __init__(self) -> None:
         self._pool = torch.cuda.graph_pool_handle()
-        self._stream = torch.cuda.Stream()
 
     def __call__(self, work: Callable[[], None]) -> Callable[[], None]:
         """See `Recorder`."""
         graph = torch.cuda.CUDAGraph()
+        before = torch.cuda.current_stream()
         # Other threads of this process train other jobs meanwhile: they may wait and allocate, but not record.
-        with (
-            self._one_at_a_time,
-            torch.cuda.graph(graph, pool=self._pool, stream=self._stream, capture_error_mode="thread_local"),
-        ):
-            work()
+        with self._one_at_a_time:
+            stream = self._stream(before)
+            # A collection could destroy another job's graph, which is not permitted while recording.
+            gc.disable()
+            try:
+                with torch.cuda.graph(graph, pool=self._pool, stream=stream, capture_error_mode="thread_local"):
+                    work()
+            finally:
+                gc.enable()
+                # Where recording failed, torch leaves its stream the current one.
+                torch.cuda.set_stream(before)
         return graph.replay
+
+    @classmethod
+    def _stream(cls, current: torch.cuda.Stream) -> torch.cuda.Stream:
+        """The current stream; the default one cannot be recorded, so there is one to stand in for it."""
+        if current != torch.cuda.default_stream():
+            return current
+        if cls._of_the_main_thread is None:
+            cls._of_the_main_thread = torch.cuda.Stream()
+        return cls._of_the_main_thread
 
 
 def recorder_for(device: torch.device) -> Recorder | None:
@@ -161,9 +182,16 @@ class Program:
             return self._recorder(work)
         except RuntimeError as error:
             self._recorder = None
-            cause = str(error).strip().splitlines()[0]
+            cause = _first_cause(error).strip().splitlines()[0]
             self.problem = Warning(
                 what=f"Stage '{self._stage.name}' ran step by step: it could not be recorded ({cause}).",
                 remedy="The numbers hold; only time is lost.",
             )
             return None
+
+
+def _first_cause(error: BaseException) -> str:
+    """What went wrong first: ending a recording that failed raises an error of its own."""
+    while error.__context__ is not None:
+        error = error.__context__
+    return str(error) or type(error).__name__

@@ -18,6 +18,7 @@ from lfobench.engine.job import Job
 from lfobench.executors.events import CarryOut, Ended, Event, attempt
 
 POLL_SECONDS = 0.2
+MOST_LANES = 16
 
 
 def execute(jobs: Sequence[Job], carry_out: CarryOut, lanes: int, stop: Callable[[], bool]) -> Iterator[Event]:
@@ -32,25 +33,27 @@ def execute(jobs: Sequence[Job], carry_out: CarryOut, lanes: int, stop: Callable
     def stopped() -> bool:
         return stop() or abandoned.is_set()
 
-    def work() -> None:
+    def work(stream: AbstractContextManager[object]) -> None:
         try:
-            while not stopped():
-                try:
-                    index, job = waiting.popleft()
-                except IndexError:
-                    return
-                try:
-                    with _stream(job.device):
+            with stream:
+                while not stopped():
+                    try:
+                        index, job = waiting.popleft()
+                    except IndexError:
+                        return
+                    try:
                         for what in attempt(job, carry_out, stopped):
                             events.put(Event(index, what))
-                except BaseException as error:  # an exit, or no stream: a thread would end without a word
-                    message = f"{type(error).__name__}: {error}"
-                    events.put(Event(index, Ended("failed", message, traceback.format_exc())))
+                    except BaseException as error:  # an exit: a thread would end without a word
+                        message = f"{type(error).__name__}: {error}"
+                        events.put(Event(index, Ended("failed", message, traceback.format_exc())))
         finally:
             events.put(None)
 
     # Daemons, so that a second Ctrl-C ends the process at once.
-    threads = [threading.Thread(target=work, daemon=True) for _ in range(min(lanes, len(jobs)))]
+    # One stream per lane for all its jobs: torch has 32 and hands them out in turn, and two jobs must not share one.
+    streams = [_stream(jobs[0].device) for _ in range(min(lanes, len(jobs), MOST_LANES))]
+    threads = [threading.Thread(target=work, args=(stream,), daemon=True) for stream in streams]
     for thread in threads:
         thread.start()
     running = len(threads)

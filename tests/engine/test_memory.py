@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from lfobench.engine.memory import Footprint, available_bytes, fitting_groups, fitting_together, peak_bytes
+from lfobench.engine.memory import Footprint, fitting_groups, fitting_together, memory_of, peak_bytes
 
 ROW = 4_000
 """Bytes of a thousand float32 numbers."""
@@ -110,9 +110,23 @@ def test_what_takes_the_place_of_something_given_counts() -> None:
 
 
 def test_a_backward_pass_counts_what_it_keeps_and_makes() -> None:
-    """exp keeps its result; backward makes a gradient of that and one of its argument: three rows, two scalars."""
+    """exp keeps its result for the gradient of its argument; a result that someone else holds stays longer.
+
+    Two rows and two scalars (the sum and its gradient): the result and its gradient, then the two gradients. With the
+    result held on to, all three.
+    """
     leaf = torch.ones(1_000, requires_grad=True)
-    assert peak_bytes(lambda: (leaf * 2.0).exp().sum().backward()) == 3 * ROW + 8
+
+    def let_go() -> None:
+        (leaf * 2.0).exp().sum().backward()
+
+    def held_on() -> None:
+        result = (leaf * 2.0).exp()
+        result.sum().backward()
+
+    assert peak_bytes(let_go) == 2 * ROW + 8
+    leaf.grad = None
+    assert peak_bytes(held_on) == 3 * ROW + 8
 
 
 def test_measuring_ends_with_the_work_also_when_it_fails() -> None:
@@ -126,8 +140,10 @@ def test_measuring_ends_with_the_work_also_when_it_fails() -> None:
 
 
 def test_memory_of_this_machine() -> None:
-    found = available_bytes(torch.device("cpu"))
-    assert found is None or 2**20 < found < 2**50
+    found = memory_of(torch.device("cpu"))
+    if found.free is not None:
+        assert found.capacity is not None
+        assert 2**20 < found.free < found.capacity < 2**50
 
 
 def test_a_footprint_grows_with_its_seeds_and_keeps_a_margin() -> None:

@@ -137,6 +137,7 @@ CHANGES_THAT_COUNT: dict[str, dict[str, Any]] = {
     "evaluation interval": protocol(evaluation_every=11),
     "evaluation episodes": protocol(evaluation_episodes=3),
     "simulator": {"simulator": {**base().simulator, "mujoco": "0.0"}},
+    "precision": {"precision": "bf16"},
 }
 
 CHANGES_THAT_DO_NOT: dict[str, dict[str, Any]] = {

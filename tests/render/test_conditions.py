@@ -82,3 +82,14 @@ def test_a_cell_never_averages_two_identities(make_record: Callable[..., Record]
 def test_a_seed_is_counted_once(make_record: Callable[..., Record]) -> None:
     with pytest.raises(UserError, match="dilo on hopper-random-expert has two records for seed 3"):
         build_table([make_record(1.0, seed=3), make_record(2.0, seed=3)])
+
+
+def test_a_row_compares_one_precision(make_record: Callable[..., Record]) -> None:
+    """`auto` is one thing to ask for, and not the same as asking for what it means."""
+    one = make_record(1.0, precision="auto")
+    for other in ("bf16", "float32"):
+        with pytest.raises(UserError, match=rf"dilo was run with precision = auto and oril with {other}"):
+            build_table([one, make_record(1.0, "oril", precision=other)])
+        with pytest.raises(UserError, match=rf"hopper-random-expert.*precision = auto and .*{other}"):
+            build_table([one, make_record(1.0, seed=1, precision=other)])
+    assert len(list(build_table([one, make_record(1.0, "oril", precision="auto")]).rows())) == 1
