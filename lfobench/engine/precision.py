@@ -11,7 +11,8 @@ import torch
 from lfobench.contract.record import Warning
 from lfobench.plan.precision import Precision, effective
 
-BF16_UNITS = ("avx512_bf16", "amx_bf16")
+# As /proc/cpuinfo names them on x86 and on ARM.
+BF16_UNITS = ("avx512_bf16", "amx_bf16", "bf16")
 
 
 @contextmanager

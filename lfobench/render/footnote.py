@@ -26,6 +26,7 @@ def footnote(table: Table, columns: Columns, alpha: float) -> tuple[Note, ...]:
         _data(table.source, records),
         _protocol(table.protocol, columns, records),
         _simulator(records),
+        *_precision(records),
         _seeds(table),
         _highlight(table, alpha),
         *_configurations(table.protocol, columns),
@@ -87,6 +88,13 @@ def _simulator(records: Sequence[Record]) -> Note:
     environments = sorted({str(record.identity["environment"]["id"]) for record in records})
     packages = ", ".join(f"{package} {_either(found)}" for package, found in versions.items())
     return Note("Simulator", f"{packages}; {', '.join(environments)}.")
+
+
+def _precision(records: Sequence[Record]) -> Iterator[Note]:
+    """Said where a record's products were not float32, as they are on a CPU unless asked otherwise."""
+    kinds = {str(record.provenance.get("device", {}).get("precision", "float32")) for record in records}
+    if kinds != {"float32"}:
+        yield Note("Precision", f"matrix products in {' and '.join(sorted(kinds))}.")
 
 
 def _seeds(table: Table) -> Note:

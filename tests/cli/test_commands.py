@@ -391,7 +391,7 @@ def test_every_command_has_an_example(path: tuple[str, ...], lfobench_command: I
 
 def test_help_lists_every_command(lfobench_command: InProcess) -> None:
     text = lfobench_command("--help").out
-    assert {path[0] for path in command_paths()} == {"ls", "show", "data", "run", "status", "why", "table"}
+    assert {path[0] for path in command_paths()} == {"ls", "show", "data", "run", "status", "why", "table", "bench"}
     for path in command_paths():
         assert path[0] in text
 

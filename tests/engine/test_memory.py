@@ -158,8 +158,10 @@ FOOTPRINTS = st.builds(Footprint, fixed=st.integers(0, 1_000), per_seed=st.integ
 AVAILABLE = st.one_of(st.none(), st.integers(0, 20_000))
 
 
-@given(SEEDS, FOOTPRINTS, AVAILABLE)
-def test_seeds_in_groups(seeds: list[int], footprint: Footprint, available: int | None) -> None:
+@given(SEEDS, FOOTPRINTS, st.one_of(st.none(), st.integers(0, 13)), st.integers(-1, 1))
+def test_seeds_in_groups(seeds: list[int], footprint: Footprint, seats: int | None, more: int) -> None:
+    """In memory for a number of seeds, exactly or all but."""
+    available = None if seats is None else max(0, footprint.total(seats) + more)
     groups = fitting_groups(seeds, footprint, available)
     assert [seed for group in groups for seed in group] == seeds, "every seed once, in order"
     sizes = [len(group) for group in groups]

@@ -34,6 +34,14 @@ def test_says_that_steps_were_assigned(make_cell: Callable[..., list[Record]]) -
     assert notes(records)["Protocol"].startswith("quick: 24,000 gradient steps (set with --steps), batch size 256;")
 
 
+def test_names_the_precision_where_it_is_not_float32(make_cell: Callable[..., list[Record]]) -> None:
+    records = make_cell([1.0, 2.0])
+    assert "Precision" not in notes(records)
+    on_a_gpu = {**records[0].provenance, "device": {"precision": "tf32"}}
+    mixed = [records[0].model_copy(update={"provenance": on_a_gpu}), records[1]]
+    assert notes(mixed)["Precision"] == "matrix products in float32 and tf32."
+
+
 def test_states_what_a_method_wants_every_reader_to_know(make_cell: Callable[..., list[Record]]) -> None:
     records = make_cell([1.0, 2.0], stated=["tau"]) + make_cell([1.0, 2.0], "oril")
     assert notes(records)["Configured"] == "dilo: tau = 0.06."
