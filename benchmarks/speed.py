@@ -19,6 +19,7 @@ from benchmarks.training import AUTHORS, ENGINE, SEEDS, Bench, Effort, StepCompa
 from benchmarks.workloads import WORKLOADS
 from lfobench.engine.precision import has_bf16_units
 from lfobench.plan.precision import effective
+from lfobench.processes import keep_freed_memory
 
 NO_GPU = "no CUDA device here"
 NO_BF16 = "no bf16 units here"
@@ -167,6 +168,7 @@ def measure(
         A finding per target, in their order, and the raw values as JSON data.
     """
     torch.set_num_threads(1)
+    keep_freed_memory()  # as a job does; it serves every contender of this process
     # For every contender alike; the engine would switch it on for itself.
     torch.backends.cuda.matmul.allow_tf32 = effective("auto", device) == "tf32"
     speed = Speed(torch.device(device), quick)
