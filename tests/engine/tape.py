@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
-from torch.utils._pytree import tree_flatten, tree_map_only
+from torch.utils._pytree import tree_flatten, tree_unflatten
 
 WAITING = {"_local_scalar_dense", "item", "nonzero", "is_nonzero", "equal", "masked_select", "unique_dim", "_unique2"}
 FROM_HOST = {"lift_fresh", "lift_fresh_copy"}
@@ -23,8 +23,7 @@ class _Log(TorchDispatchMode):
     def __init__(self) -> None:
         super().__init__()
         self.calls: list[tuple[Any, tuple[Any, ...], dict[str, Any], Any]] = []
-        self.made: set[int] = set()
-        self.before: dict[int, tuple[Tensor, Tensor]] = {}
+        self.before: dict[object, tuple[Tensor, Tensor]] = {}
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = kwargs or {}
@@ -40,15 +39,15 @@ class _Log(TorchDispatchMode):
                     self._keep(tensor)
         out = func(*args, **kwargs)
         self.calls.append((func, args, kwargs, out))
-        self.made |= {id(each) for each in tree_flatten(out)[0] if isinstance(each, Tensor)}
         return out
 
     def _keep(self, tensor: Tensor) -> None:
-        if tensor.data_ptr() not in self.before:
-            self.before[tensor.data_ptr()] = (tensor, tensor.clone())
+        place = (tensor.data_ptr(), tensor.shape, tensor.stride())
+        if place not in self.before:
+            self.before[place] = (tensor, tensor.clone())
 
     def undo(self) -> None:
-        for tensor, value in reversed(self.before.values()):
+        for tensor, value in reversed(list(self.before.values())):
             tensor.copy_(value)
 
 
@@ -66,17 +65,33 @@ def record(work: Callable[[], None]) -> Callable[[], None]:
         with torch.no_grad():
             log.undo()
 
+    calls = [_Call(*call) for call in log.calls]
+
     def replay() -> None:
         now: dict[int, Tensor] = {}
-
-        def current(tensor: Tensor) -> Tensor:
-            return now.get(id(tensor), tensor)
-
         with torch.no_grad():
-            for func, args, kwargs, out in log.calls:
-                new = func(*tree_map_only(Tensor, current, args), **tree_map_only(Tensor, current, kwargs))
-                for old, made in zip(tree_flatten(out)[0], tree_flatten(new)[0], strict=True):
-                    if isinstance(old, Tensor):
-                        now[id(old)] = made
+            for call in calls:
+                call.repeat(now)
 
     return replay
+
+
+class _Call:
+    """One operation: positional leaves that are tensors are looked up anew, the rest is as it was."""
+
+    def __init__(self, func: Any, args: tuple[Any, ...], kwargs: dict[str, Any], out: Any) -> None:
+        self._func = func
+        self._leaves, self._spec = tree_flatten((args, kwargs))
+        self._tensors = [place for place, leaf in enumerate(self._leaves) if isinstance(leaf, Tensor)]
+        self._made = [id(leaf) if isinstance(leaf, Tensor) else None for leaf in tree_flatten(out)[0]]
+        self._kept = out  # so that no other tensor gets its id
+
+    def repeat(self, now: dict[int, Tensor]) -> None:
+        leaves = list(self._leaves)
+        for place in self._tensors:
+            leaves[place] = now.get(id(leaves[place]), leaves[place])
+        args, kwargs = tree_unflatten(leaves, self._spec)
+        new = self._func(*args, **kwargs)
+        for name, made in zip(self._made, [new] if isinstance(new, Tensor) else tree_flatten(new)[0], strict=True):
+            if name is not None:
+                now[name] = made
