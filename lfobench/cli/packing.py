@@ -13,7 +13,7 @@ from lfobench.errors import UserError
 
 # Jobs that share a CUDA device: one keeps it busy, the others load, record and wait.
 LANES = 3
-# What a worker process takes before it has any data, measured with `ps` after its imports.
+# A worker process without its data; `ps` showed 390 MB for `run` itself, 500 to 530 MB for workers with `quick` data.
 PROCESS_BYTES = 400 * 2**20
 
 
@@ -30,7 +30,8 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
     if not agenda.jobs:
         return agenda
     on_cuda = agenda.plan.device == "cuda"
-    footprints = [_footprint(prober, job, on_cuda) for job in agenda.jobs]
+    problems: dict[str, Warning] = {}
+    footprints = [_footprint(prober, job, on_cuda, problems) for job in agenda.jobs]
     jobs: list[Job] = []
     totals: list[int] = []
     split = 0
@@ -43,6 +44,7 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
     wanted = workers or (LANES if on_cuda else cores)
     count = fitting_together(totals, memory.free, wanted)
     notes = [*_split_note(split, memory), *_fewer_notes(count, min(wanted, len(jobs)), memory, max(totals))]
+    notes += problems.values()
     if on_cuda:
         jobs = [replace(job, evaluators=min(len(job.seeds), max(1, cores // count))) for job in jobs]
     elif (spare := cores // count) > 1 and workers is None:
@@ -56,16 +58,20 @@ def _threads(prober: Prober, job: Job, most: int) -> int:
     except UserError:
         raise
     except Exception:
-        return 1  # the forecast says what failed
+        return 1  # the forecast measures the same step and says what failed
 
 
-def _footprint(prober: Prober, job: Job, on_cuda: bool) -> Footprint:
+def _footprint(prober: Prober, job: Job, on_cuda: bool, problems: dict[str, Warning]) -> Footprint:
     try:
         footprint = prober.footprint(job.cell)
     except UserError:
         raise
-    except Exception:
-        footprint = Footprint(0, 0)  # the forecast says what failed
+    except Exception as error:
+        footprint = Footprint(0, 0)
+        problems[job.cell.label] = Warning(
+            what=f"The memory of {job.cell.label} could not be measured ({type(error).__name__}: {error}).",
+            remedy="It is planned as if it needed none: give --workers if memory is short.",
+        )
     return footprint if on_cuda else replace(footprint, fixed=footprint.fixed + PROCESS_BYTES)
 
 

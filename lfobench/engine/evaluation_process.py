@@ -9,7 +9,6 @@ import traceback
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext, SpawnProcess
 from queue import SimpleQueue
@@ -90,11 +89,9 @@ class Worker:
         self.finished: deque[Part] = deque()
         self.pipe, far_end = context.Pipe()
         self._assignment = assignment
-        # Pickled apart: reading it may need what importing the suite brings.
+        # Pickled apart, as multiprocessing would: reading it may need what importing the suite brings.
         arguments = (far_end, assignment.cell.suite, pickle.dumps(assignment))
         self.process: SpawnProcess = context.Process(target=_work, args=arguments, daemon=True)
-        # The first process of an interpreter starts this helper on the way, which would let the held signals go.
-        resource_tracker.ensure_running()
         with interrupts_held():
             self.process.start()
         far_end.close()
