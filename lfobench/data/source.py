@@ -34,6 +34,11 @@ class TaskData:
         horizon, count = self.task.environment.horizon, self.recipe.expert_trajectories
         return len(boundaries.released_expert_prefix(rows, count, horizon))
 
+    @property
+    def demonstration_score(self) -> float:
+        """Normalised score of the first expert episode, with which the demonstration starts."""
+        return self.task.environment.normalized_score(float(self.expert.first_episodes(1).returns()[0]))
+
     def mixture(self, needs: DataNeeds) -> Mixture:
         """The rows that a method declares."""
         return mix(self.offline, self.expert, self.recipe, needs, self.task.environment.horizon)
@@ -135,7 +140,7 @@ def manifest(data: TaskData) -> Manifest:
         teleports=teleports,
         demonstration_rows=len(released.expert),
         demonstration_steps=first.transitions,
-        demonstration_score=data.task.environment.normalized_score(float(first.returns()[0])),
+        demonstration_score=data.demonstration_score,
         exact_triples=len(absorbing.offline),
     )
 

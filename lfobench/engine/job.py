@@ -135,7 +135,7 @@ def _record(run: Run, trainer: Trainer, index: int, data: TaskData, needs: DataN
         metrics=progress.metrics[index],
         warnings=[*_warnings(diverged_at, data, needs), *trainer.warnings],
         provenance=provenance(device, run.cell.precision, progress.seconds, data.fingerprints)
-        | {"seeds_trained_together": len(progress.evaluations)},
+        | {"seeds_trained_together": len(progress.evaluations), "demonstration_score": data.demonstration_score},
     )
 
 
@@ -153,9 +153,9 @@ def _warnings(diverged_at: int | None, data: TaskData, needs: DataNeeds) -> Iter
         )
     scores = [data.task.environment.normalized_score(value) for value in data.expert.returns().tolist()]
     mean, spread = statistics.fmean(scores), statistics.pstdev(scores)
-    if scores[0] < mean - spread:
+    if data.demonstration_score < mean - spread:
         yield Warning(
-            what=f"The demonstration, the first expert episode, scores {scores[0]:.1f}; expert episodes score "
+            what=f"The demonstration, the first expert episode, scores {data.demonstration_score:.1f}; expert episodes score "
             f"{mean:.1f} ± {spread:.1f}.",
             remedy="Every method is asked to imitate that episode: put a better one first.",
         )
