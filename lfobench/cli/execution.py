@@ -22,7 +22,8 @@ from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
-from lfobench.files import remove_leftovers, write_text
+from lfobench.files import remove_leftovers
+from lfobench.store.failures import write_failure
 from lfobench.store.folder import RecordFolder
 
 INTERRUPTED = 130
@@ -165,6 +166,8 @@ def _report(ended: Ended, job: Job, out: Path) -> None:
         return
     errors.print(f"[bold red]Failed:[/] {escape(job.cell.label)}: {escape(ended.message)}", soft_wrap=True)
     if ended.detail:
-        path = RecordFolder(out).failure(job.runs[0])
-        write_text(path, ended.detail)
-        errors.print(f"        traceback in {escape(str(path))}", soft_wrap=True)
+        folder = RecordFolder(out)
+        for run in job.runs:
+            if not folder.find(run):
+                path = write_failure(folder, run, ended.message, ended.detail)
+                errors.print(f"        traceback in {escape(str(path))}", soft_wrap=True)

@@ -13,6 +13,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from lfobench.contract.identity import check_identity
+from lfobench.contract.statistic import HEADLINE, Statistic
+from lfobench.errors import UserError
 
 SCHEMA = 1
 """Form of a record; another version's records are named and skipped."""
@@ -22,7 +24,6 @@ NUMBERS = 2
 shared networks, the training loop or evaluation change a number. A method's own losses raise `Method.version`."""
 
 Status = Literal["finished", "diverged"]
-Statistic = Literal["last5", "last", "best"]
 
 
 def canonical_json(value: Any) -> str:
@@ -123,24 +124,52 @@ class Record(_Model):
 
     def curve(self) -> list[tuple[int, float]]:
         """Mean normalised score of every evaluation, as (step, score)."""
-        return [
-            (evaluation.step, self.normalized_score(sum(evaluation.returns) / len(evaluation.returns)))
-            for evaluation in self.evaluations
-        ]
+        return [(evaluation.step, self._mean_score(evaluation)) for evaluation in self.evaluations]
 
-    def score(self, statistic: Statistic = "last5") -> float:
-        """The run's score: mean of the last five evaluations (headline), the last one, or the best.
+    @property
+    def _episodes(self) -> int:
+        return int(self.identity["protocol"]["evaluation_episodes"])
+
+    def _mean_score(self, evaluation: Evaluation) -> float:
+        return self.normalized_score(sum(evaluation.returns) / len(evaluation.returns))
+
+    def counted(self, statistic: Statistic = HEADLINE) -> list[Evaluation]:
+        """The evaluations that `statistic` takes the mean of; none of a diverged run.
+
+        Raises:
+            UserError: the run was not evaluated at the step that the statistic names.
+        """
+        if self.status == "diverged":
+            return []
+        chosen = statistic.choose([step for step, _ in self.curve()], [score for _, score in self.curve()])
+        if not chosen:
+            steps = ", ".join(str(evaluation.step) for evaluation in self.evaluations)
+            raise UserError(
+                f"{self.method} on {self.task}, seed {self.seed}, was not evaluated at step {statistic.step}.",
+                f"It was at {steps}.",
+            )
+        return [self.evaluations[index] for index in chosen]
+
+    def score(self, statistic: Statistic = HEADLINE) -> float:
+        """The run's score under `statistic`; the headline is the mean of the last five evaluations.
 
         A diverged seed scores 0, the level of random actions, under every statistic: it is shown and
         counted, never dropped.
         """
-        if self.status == "diverged":
+        evaluations = self.counted(statistic)
+        if not evaluations:
             return 0.0
-        scores = [score for _, score in self.curve()]
-        if statistic == "best":
-            return max(scores)
-        tail = scores[-5:] if statistic == "last5" else scores[-1:]
-        return sum(tail) / len(tail)
+        scores = [self._mean_score(evaluation) for evaluation in evaluations]
+        return sum(scores) / len(scores)
+
+    def start_scores(self, statistic: Statistic = HEADLINE) -> list[float]:
+        """The run's score from each common start state ``[K]``; their mean is `score`."""
+        evaluations = self.counted(statistic)
+        if not evaluations:
+            starts = self.evaluations[0].returns if self.evaluations else range(self._episodes)
+            return [0.0 for _ in starts]
+        by_start = zip(*(evaluation.returns for evaluation in evaluations), strict=True)
+        return [self.normalized_score(sum(returns) / len(returns)) for returns in by_start]
 
     def measured(self) -> dict[str, Any]:
         """Everything but `provenance`: equal, bit for bit, for two runs of one identity on a CPU."""

@@ -155,7 +155,7 @@ def _warnings(diverged_at: int | None, data: TaskData, needs: DataNeeds) -> Iter
     mean, spread = statistics.fmean(scores), statistics.pstdev(scores)
     if data.demonstration_score < mean - spread:
         yield Warning(
-            what=f"The demonstration, the first expert episode, scores {data.demonstration_score:.1f}; expert episodes score "
-            f"{mean:.1f} ± {spread:.1f}.",
+            what=f"The demonstration, the first expert episode, scores {data.demonstration_score:.1f}; "
+            f"expert episodes score {mean:.1f} ± {spread:.1f}.",
             remedy="Every method is asked to imitate that episode: put a better one first.",
         )

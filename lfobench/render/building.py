@@ -2,53 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from lfobench.contract.record import Record, Statistic
+from lfobench.contract.failure import Failure
+from lfobench.contract.record import Record
+from lfobench.contract.statistic import HEADLINE, Statistic
 from lfobench.errors import UserError
-from lfobench.render.columns import arrange_columns
+from lfobench.render.columns import arrange_columns, column_of_failure
 from lfobench.render.conditions import check_cell, check_unmixed
 from lfobench.render.footnote import footnote
 from lfobench.render.table import Block, Cell, Column, Row, Table
-from lfobench.stats.highlight import highlight
-from lfobench.stats.summary import summarize
+from lfobench.stats.highlight import DEFAULT_RULE, Rule, highlights
+from lfobench.stats.sample import Sample, sample_of
+
+Cells = dict[Column, Cell]
 
 
 def build_table(
     records: Sequence[Record],
-    statistic: Statistic = "last5",
-    alpha: float = 0.05,
+    statistic: Statistic = HEADLINE,
+    rule: Rule = DEFAULT_RULE,
     tasks: Sequence[str] = (),
     methods: Sequence[str] = (),
+    failures: Sequence[Failure] = (),
 ) -> Table:
     """The table of `records`, one row per task and one column per method, with its generated footnote.
 
     Args:
         records: from one source under one protocol, in any order.
         statistic: what a run's evaluations are reduced to.
-        alpha: significance level of the highlight rule.
+        rule: what is highlighted.
         tasks: names in row order; tasks not named follow as they first appear.
         methods: names in column order, inside each column group; the others follow as they first appear.
+        failures: runs that crashed; counted in the cells that they belong to, where the table has such cells.
 
     Raises:
-        UserError: there are no records, or they must not share a table (see `conditions`).
+        UserError: there are no records, they must not share a table (see `conditions`), or the rule's test cannot
+            be made with them.
     """
     if not records:
         raise UserError("There are no records to make a table of.", "Run `lfobench run` first.")
     check_unmixed(records)
     columns = arrange_columns(records, methods)
-    rows = _rows(columns, _in_order([record.task for record in records], tasks), statistic, alpha)
-    blocks = _blocks(rows, {record.task: record for record in records})
+    ordered = _in_order([record.task for record in records], tasks)
+    cells = {
+        task: {
+            column: _cell(members, statistic)
+            for column, those in columns.items()
+            if (members := [record for record in those if record.task == task])
+        }
+        for task in ordered
+    }
+    failed = _failed_cells(failures, columns, cells)
+    expert = _expert_cells(records)
+    shown = [*columns, *dict.fromkeys(column for row in expert.values() for column in row)]
+    rows = _rows({task: cells[task] | failed.get(task, {}) for task in ordered}, rule, expert, shown)
     table = Table(
-        columns=tuple(columns),
-        blocks=blocks,
+        columns=tuple(shown),
+        blocks=_blocks(rows, {record.task: record for record in records}),
         notes=(),
         statistic=statistic,
+        rule=rule,
         source=str(records[0].identity["source"]),
         protocol=str(records[0].identity["protocol"]["name"]),
     )
-    return replace(table, notes=footnote(table, columns, alpha))
+    return replace(table, notes=footnote(table, columns))
 
 
 def _in_order(names: Sequence[str], order: Sequence[str]) -> list[str]:
@@ -56,36 +75,81 @@ def _in_order(names: Sequence[str], order: Sequence[str]) -> list[str]:
     return sorted(dict.fromkeys(names), key=lambda name: ranks.get(name, len(ranks)))
 
 
-def _rows(columns: dict[Column, list[Record]], tasks: Sequence[str], statistic: Statistic, alpha: float) -> list[Row]:
-    rows = []
-    for task in tasks:
-        cells = {
-            column: _cell(members, statistic)
-            for column, records in columns.items()
-            if (members := [record for record in records if record.task == task])
-        }
-        outcome = highlight(
-            {column: cell.summary for column, cell in cells.items() if not column.sees_expert_actions}, alpha
-        )
-        for column in outcome.methods:
-            cells[column] = replace(cells[column], highlighted=True)
-        row = tuple(cells.get(column) for column in columns)
-        rows.append(Row(task, task, row, outcome.verdict, outcome.p))
-    return rows
-
-
 def _cell(records: Sequence[Record], statistic: Statistic) -> Cell:
     check_cell(records)
     by_seed = sorted(records, key=lambda record: record.seed)
+    starts = zip(*(record.start_scores(statistic) for record in by_seed), strict=True)
     return Cell(
-        summary=summarize([record.score(statistic) for record in by_seed]),
+        sample=sample_of(
+            [record.score(statistic) for record in by_seed],
+            [sum(scores) / len(scores) for scores in starts],
+        ),
         seeds=tuple(record.seed for record in by_seed),
         diverged_seeds=tuple(record.seed for record in by_seed if record.status == "diverged"),
-        highlighted=False,
     )
 
 
-def _blocks(rows: Sequence[Row], example: dict[str, Record]) -> tuple[Block, ...]:
+def _failed_cells(
+    failures: Sequence[Failure], columns: Mapping[Column, Sequence[Record]], cells: Mapping[str, Cells]
+) -> dict[str, Cells]:
+    """The cells of `cells` that failures change, with their failed seeds."""
+    found: dict[str, Cells] = {}
+    for failure in failures:
+        column = column_of_failure(failure, columns)
+        if column is None or failure.task not in cells:
+            continue
+        row = found.setdefault(failure.task, {})
+        cell = row.get(column) or cells[failure.task].get(column) or Cell(sample=None)
+        if failure.seed not in cell.seeds:
+            row[column] = replace(cell, failed_seeds=tuple(sorted({*cell.failed_seeds, failure.seed})))
+    return found
+
+
+def _expert_cells(records: Sequence[Record]) -> dict[str, Cells]:
+    """The demonstration's score by task, where the records know it."""
+    column = Column("demonstration", "demonstration", "", "expert")
+    return {
+        record.task: {column: Cell(sample_of([float(score)]))}
+        for record in records
+        if (score := record.provenance.get("demonstration_score")) is not None
+    }
+
+
+def _rows(cells: Mapping[str, Cells], rule: Rule, others: Mapping[str, Cells], columns: Sequence[Column]) -> list[Row]:
+    """Rows of run cells with their highlights, and of `others`, which take no part in them."""
+    try:
+        decided = highlights([_competing(row, rule) for row in cells.values()], rule)
+    except ValueError as error:
+        raise UserError(f"The test cannot be made: {error}", "Choose another with --test, e.g. welch.") from error
+    rows = []
+    for (task, row), outcome in zip(cells.items(), decided, strict=True):
+        marked = {
+            column: replace(cell, highlighted=column in outcome.methods, lost=outcome.lost and column in outcome.best)
+            for column, cell in row.items()
+        }
+        shown = marked | others.get(task, {})
+        rows.append(
+            Row(
+                task,
+                task,
+                tuple(shown.get(column) for column in columns),
+                outcome.outcome,
+                outcome.p,
+                outcome.adjusted_p,
+            )
+        )
+    return rows
+
+
+def _competing(row: Cells, rule: Rule) -> dict[Column, Sample]:
+    return {
+        column: cell.sample
+        for column, cell in row.items()
+        if cell.sample is not None and (rule.scope == "all" or column.kind == "observations")
+    }
+
+
+def _blocks(rows: Sequence[Row], example: Mapping[str, Record]) -> tuple[Block, ...]:
     groups: dict[str, list[Row]] = {}
     for row in rows:
         groups.setdefault(example[row.task].labels.group, []).append(row)

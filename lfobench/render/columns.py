@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record, canonical_json
 from lfobench.render.table import Column
 
@@ -39,13 +40,23 @@ def arrange_columns(records: Sequence[Record], methods: Sequence[str] = ()) -> d
             label=labels[variant],
             method=variant.method,
             preset=variant.preset,
-            sees_expert_actions=any(record.labels.sees_expert_actions for record in members),
+            kind="actions" if any(record.labels.sees_expert_actions for record in members) else "observations",
         ): members
         for variant, members in variants.items()
     }
     ranks = {method: rank for rank, method in enumerate(methods)}
-    order = sorted(columns, key=lambda column: (not column.sees_expert_actions, ranks.get(column.method, len(ranks))))
+    order = sorted(columns, key=lambda column: (column.kind != "actions", ranks.get(column.method, len(ranks))))
     return {column: columns[column] for column in order}
+
+
+def column_of_failure(failure: Failure, columns: Mapping[Column, Sequence[Record]]) -> Column | None:
+    """The column whose records were run as the failed run was, apart from task, seed and what follows the task."""
+    for column, records in columns.items():
+        if any(_variant(failure) == _variant(record) for record in records):
+            same_task = [record for record in records if record.task == failure.task]
+            if all(_config(record) == _config(failure) for record in same_task):
+                return column
+    return None
 
 
 def _by_variant(records: Sequence[Record]) -> dict[_Variant, list[Record]]:
@@ -63,7 +74,7 @@ def _by_variant(records: Sequence[Record]) -> dict[_Variant, list[Record]]:
     return variants
 
 
-def _variant(record: Record, config: str = "") -> _Variant:
+def _variant(record: Record | Failure, config: str = "") -> _Variant:
     identity = record.identity
     return _Variant(
         method=record.method,
@@ -74,7 +85,7 @@ def _variant(record: Record, config: str = "") -> _Variant:
     )
 
 
-def _config(record: Record) -> str:
+def _config(record: Record | Failure) -> str:
     return canonical_json(record.identity["config"])
 
 

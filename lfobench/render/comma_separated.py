@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterable
 
 from lfobench.render.table import Table
 
@@ -14,15 +15,25 @@ FIELDS = (
     "column",
     "method",
     "preset",
-    "sees_expert_actions",
+    "column_group",
     "n",
     "mean",
     "std",
     "highlighted",
+    "lost_under_correction",
+    "outcome",
     "p",
+    "adjusted_p",
+    "scores",
     "seeds",
     "diverged_seeds",
+    "failed_seeds",
+    "agreement",
     "statistic",
+    "test",
+    "scope",
+    "correction",
+    "alpha",
     "source",
     "protocol",
 )
@@ -31,9 +42,9 @@ FIELDS = (
 def comma_separated(table: Table) -> str:
     """CSV with a header of `FIELDS`.
 
-    A cell without records has n = 0; `mean`, `std` and `p` are empty where undefined; flags are 0 or 1; seeds
-    are separated by blanks. `p` belongs to the row: best against second best of the methods without expert
-    actions.
+    A cell without records has n = 0; `mean`, `std`, `p` and `adjusted_p` are empty where undefined; flags are 0 or
+    1; seeds and their scores are separated by blanks. `outcome`, `p` and `adjusted_p` belong to the row: best against
+    second best in scope.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -49,17 +60,31 @@ def comma_separated(table: Table) -> str:
                     column.label,
                     column.method,
                     column.preset,
-                    int(column.sees_expert_actions),
+                    column.kind,
                     summary.n if summary else 0,
                     summary.mean if summary else None,
                     summary.std if summary else None,
                     int(cell.highlighted) if cell else 0,
+                    int(cell.lost) if cell else 0,
+                    row.outcome,
                     row.p,
-                    " ".join(map(str, cell.seeds)) if cell else "",
-                    " ".join(map(str, cell.diverged_seeds)) if cell else "",
+                    row.adjusted_p,
+                    _joined(cell.sample.seeds if cell and cell.sample else ()),
+                    _joined(cell.seeds if cell else ()),
+                    _joined(cell.diverged_seeds if cell else ()),
+                    _joined(cell.failed_seeds if cell else ()),
+                    (cell.agreement or "") if cell else "",
                     table.statistic,
+                    table.rule.test,
+                    table.rule.scope,
+                    table.rule.correction,
+                    table.rule.alpha,
                     table.source,
                     table.protocol,
                 ]
             )
     return text.getvalue()
+
+
+def _joined(values: Iterable[float]) -> str:
+    return " ".join(map(str, values))

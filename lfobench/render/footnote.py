@@ -5,20 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from lfobench.contract.record import Record, Statistic, canonical_json
-from lfobench.render.cell_text import DIVERGED, MISSING
-from lfobench.render.table import HIGHLIGHT_NOTE, Column, Note, Table
+from lfobench.contract.record import Record, canonical_json
+from lfobench.contract.statistic import Statistic
+from lfobench.render.cell_text import DIVERGED, FAILED, MISSING
+from lfobench.render.highlight_note import highlight_notes
+from lfobench.render.table import Column, Note, Table
 
 Columns = Mapping[Column, Sequence[Record]]
 
-_STATISTICS: dict[Statistic, str] = {
+_STATISTICS = {
     "last5": "mean of the last 5 evaluations",
     "last": "last evaluation",
     "best": "best evaluation, picked by the score it reports and therefore optimistic",
+    "at": "evaluation at step {step:,}",
 }
 
 
-def footnote(table: Table, columns: Columns, alpha: float) -> tuple[Note, ...]:
+def footnote(table: Table, columns: Columns) -> tuple[Note, ...]:
     """The notes of `table`, whose `columns` hold the given records."""
     records = [record for members in columns.values() for record in members]
     return (
@@ -28,9 +31,11 @@ def footnote(table: Table, columns: Columns, alpha: float) -> tuple[Note, ...]:
         _simulator(records),
         *_precision(records),
         _seeds(table),
-        _highlight(table, alpha),
+        *highlight_notes(table),
         *_configurations(table.protocol, columns),
+        *_demonstration(table),
         *_diverged(columns),
+        *_failed(table),
         *_missing(table),
         *_warnings(columns),
     )
@@ -39,10 +44,10 @@ def footnote(table: Table, columns: Columns, alpha: float) -> tuple[Note, ...]:
 def _score(statistic: Statistic, records: Sequence[Record]) -> Note:
     text = (
         "normalised return, 100 · (return − random) / (expert − random); mean ± sample standard deviation "
-        f"over seeds. Each seed counts as the {_STATISTICS[statistic]}"
+        f"over seeds. Each seed counts as the {_STATISTICS[statistic.name].format(step=statistic.step)}"
     )
     fewest = min((len(record.evaluations) for record in records if record.status == "finished"), default=5)
-    if statistic == "last5" and fewest < 5:
+    if statistic.name == "last5" and fewest < 5:
         text += f" (of all of them where a run has fewer; the shortest has {fewest})"
     return Note("Score", f"{text}.")
 
@@ -98,36 +103,18 @@ def _precision(records: Sequence[Record]) -> Iterator[Note]:
 
 
 def _seeds(table: Table) -> Note:
-    cells = [(row, column, cell) for row, column, cell in table.cells() if cell is not None]
-    sizes = [cell.summary.n for _, _, cell in cells]
+    cells = [(row, column, cell) for row, column, cell in table.cells() if cell is not None and column.run_here]
+    sizes = [len(cell.seeds) for _, _, cell in cells]
     most, fewest = max(sizes), min(sizes)
     if fewest < most:
         short = ", ".join(
-            f"{column.label} on {row.task} ({cell.summary.n})" for row, column, cell in cells if cell.summary.n < most
+            f"{column.label} on {row.task} ({len(cell.seeds)})" for row, column, cell in cells if len(cell.seeds) < most
         )
         return Note("Seeds", f"n = {fewest} to {most} per cell, unequal. Fewer than {most}: {short}.")
     choices = {cell.seeds for _, _, cell in cells}
     which = f"seeds {', '.join(map(str, choices.pop()))}" if len(choices) == 1 else "different seeds per cell"
     spread = "" if most > 1 else "; one seed has no standard deviation and cannot be tested"
     return Note("Seeds", f"n = {most} per cell ({which}){spread}.")
-
-
-def _highlight(table: Table, alpha: float) -> Note:
-    rows = [row for _, row in table.rows()]
-    text = (
-        "the best mean in its row among the methods without expert actions, and the second best too unless "
-        f"Welch's two-sided t-test between them gives p < {alpha:g}. "
-        "Correction for multiple comparisons: none"
-    )
-    undecided = [row.task for row in rows if row.verdict == "undecided"]
-    unopposed = [row.task for row in rows if row.verdict == "unopposed"]
-    if undecided:
-        where = "every row" if len(undecided) == len(rows) else ", ".join(undecided)
-        text += f". Undecided for want of a second seed, both highlighted: {where}"
-    if unopposed:
-        where = "every row" if len(unopposed) == len(rows) else ", ".join(unopposed)
-        text += f". Nothing to compare, nothing highlighted: {where}"
-    return Note(HIGHLIGHT_NOTE, f"{text}.")
 
 
 def _configurations(protocol: str, columns: Columns) -> Iterator[Note]:
@@ -177,8 +164,30 @@ def _diverged(columns: Columns) -> Iterator[Note]:
         yield Note("Diverged", f"{DIVERGED}k marks k diverged seeds, counted as score 0: {'; '.join(runs)}.")
 
 
+def _demonstration(table: Table) -> Iterator[Note]:
+    if any(column.kind == "expert" for column in table.columns):
+        yield Note("Demonstration", "the score of the expert trajectory that the methods observe.")
+
+
+def _failed(table: Table) -> Iterator[Note]:
+    runs = [
+        f"{column.label} on {row.task}, {'seed' if len(cell.failed_seeds) == 1 else 'seeds'} "
+        f"{', '.join(map(str, cell.failed_seeds))}"
+        for row, column, cell in table.cells()
+        if cell is not None and cell.failed_seeds
+    ]
+    if runs:
+        yield Note(
+            "Failed",
+            f"{FAILED}k marks k seeds that crashed and have no score; they are not in n: {'; '.join(runs)}. "
+            "The command that made the table's records tries them again.",
+        )
+
+
 def _missing(table: Table) -> Iterator[Note]:
-    missing = [f"{column.label} on {row.task}" for row, column, cell in table.cells() if cell is None]
+    missing = [
+        f"{column.label} on {row.task}" for row, column, cell in table.cells() if cell is None and column.run_here
+    ]
     if missing:
         yield Note("Missing", f"{MISSING} marks cells without any record: {', '.join(missing)}.")
 

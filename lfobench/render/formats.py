@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from lfobench.errors import unknown_name
 from lfobench.render.comma_separated import comma_separated
+from lfobench.render.json_table import json_table
 from lfobench.render.latex import latex
 from lfobench.render.markdown import markdown
 from lfobench.render.table import Table
@@ -14,6 +15,7 @@ FORMATS: dict[str, Callable[[Table], str]] = {
     "markdown": markdown,
     "latex": latex,
     "csv": comma_separated,
+    "json": json_table,
 }
 
 

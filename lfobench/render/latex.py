@@ -10,10 +10,14 @@ import re
 
 from lfobench.render.cell_text import MISSING, cell_text
 from lfobench.render.table import Cell, Table, column_groups
+from lfobench.stats.names import Agreement
 
 _PREAMBLE = r"""% Needs \usepackage{booktabs} and \usepackage{xcolor}.
 \providecommand{\lfobenchbest}[1]{\textcolor{blue}{\boldmath#1}}
 """
+
+_THIN_SPACE = r"\,"
+_AGREEMENTS: dict[Agreement, str] = {"matches": r"\approx", "differs": r"\neq", "undecided": "?"}
 
 _ESCAPES = {
     "\\": r"\textbackslash{}",
@@ -36,6 +40,9 @@ _ESCAPES = {
     "−": r"$-$",
     "–": r"\textendash{}",
     "✗": r"$\times$",
+    "†": r"$\dagger$",
+    "≈": r"$\approx$",
+    "≠": r"$\neq$",
 }
 
 
@@ -99,6 +106,12 @@ def _cell(cell: Cell | None, std_digits: int) -> str:
     padding = rf"\phantom{{{missing_digits}}}" if missing_digits else ""
     spread = rf" \pm {padding}{text.std}" if text.std else ""
     number = f"${text.mean}{spread}$"
+    if cell.summary is None:
+        number = escape(MISSING)
     if cell.highlighted:
         number = rf"\lfobenchbest{{{number}}}"
-    return number + (rf"\rlap{{$^{{\times{text.diverged}}}$}}" if text.diverged else "")
+    marks = [r"\dagger"] if text.lost else []
+    marks += [rf"\times{text.diverged}"] if text.diverged else []
+    marks += [f"!{text.failed}"] if text.failed else []
+    marks += [_AGREEMENTS[cell.agreement]] if cell.agreement else []
+    return number + (rf"\rlap{{$^{{{_THIN_SPACE.join(marks)}}}$}}" if marks else "")

@@ -5,18 +5,21 @@ from __future__ import annotations
 import re
 
 from lfobench.render.cell_text import MISSING, cell_text
-from lfobench.render.table import Cell, Table
+from lfobench.render.table import Cell, ColumnKind, Table
 
-EXPERT_ACTIONS = "†"
+_KINDS: dict[ColumnKind, tuple[str, str]] = {
+    "actions": ("§", "has access to expert actions"),
+    "published": ("¶", "as published"),
+}
 
 
 def markdown(table: Table) -> str:
     """A Markdown table followed by its notes as a list.
 
-    Markdown has no column groups, so methods with access to expert actions carry a dagger instead.
+    Markdown has no column groups, so methods with access to expert actions carry a mark instead.
     """
     headings = [
-        f"{_escape(column.label)}{f' {EXPERT_ACTIONS}' if column.sees_expert_actions else ''}"
+        f"{_escape(column.label)}{f' {_KINDS[column.kind][0]}' if column.kind in _KINDS else ''}"
         for column in table.columns
     ]
     lines = [_line(["Dataset", "Task", *headings]), _line([":--", ":--", *["--:"] * len(headings)])]
@@ -25,8 +28,8 @@ def markdown(table: Table) -> str:
             dataset = "" if index else _escape(block.label)
             lines.append(_line([dataset, _escape(row.label), *(_cell(cell) for cell in row.cells)]))
     notes = [f"- **{_escape(note.label)}**: {_escape(note.text)}" for note in table.notes]
-    if any(column.sees_expert_actions for column in table.columns):
-        notes.insert(0, f"- {EXPERT_ACTIONS} has access to expert actions")
+    kinds = {column.kind for column in table.columns}
+    notes = [*(f"- {mark} {meaning}" for kind, (mark, meaning) in _KINDS.items() if kind in kinds), *notes]
     return "\n".join([*lines, "", *notes]) + "\n"
 
 

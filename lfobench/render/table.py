@@ -4,30 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
-from lfobench.contract.record import Statistic
-from lfobench.stats.highlight import Verdict
+from lfobench.contract.statistic import Statistic
+from lfobench.stats.highlight import Outcome, Rule
+from lfobench.stats.names import Agreement
+from lfobench.stats.sample import Sample
 from lfobench.stats.summary import Summary
 
 HIGHLIGHT_NOTE = "Highlighted"
 """Label of the note that explains the highlights; the terminal attaches its mark to it."""
 
 
+ColumnKind = Literal["actions", "observations", "expert", "published"]
+"""The group of a column: methods with expert actions, methods without, the demonstration, published numbers."""
+
+
 @dataclass(frozen=True)
 class Column:
-    """One method under one preset and one set of options.
+    """One method under one preset and one set of options; or the demonstration; or a method as published.
 
     Attributes:
-        label: unique in its table; the method's name, extended only as far as another column requires.
+        label: unique in its column group; the method's name, extended only as far as another column requires.
         method: name of the method.
-        preset: name of its preset.
-        sees_expert_actions: whether the method was given expert actions; decides the column group.
+        preset: name of its preset; empty for what was not run here.
+        kind: its column group.
     """
 
     label: str
     method: str
     preset: str
-    sees_expert_actions: bool
+    kind: ColumnKind
+
+    @property
+    def run_here(self) -> bool:
+        """Whether records of runs stand behind the column."""
+        return self.kind in ("actions", "observations")
 
 
 @dataclass(frozen=True)
@@ -35,16 +47,28 @@ class Cell:
     """Normalised scores of one column on one task, over seeds.
 
     Attributes:
-        summary: n, mean and std over seeds; a diverged seed is one of them, with score 0.
-        seeds: the seeds, ascending.
+        sample: the scores, with n, mean and std over seeds; a diverged seed is one of them, with score 0. None where
+            every seed failed.
+        seeds: the seeds with a score, ascending.
         diverged_seeds: those of them that diverged.
+        failed_seeds: seeds that crashed and have no score; not among `seeds`.
         highlighted: whether the highlight rule picks this cell.
+        lost: whether it stands out only as long as nobody corrects for the number of rows tested.
+        agreement: of a published number: what the equivalence test says of ours against it.
     """
 
-    summary: Summary
-    seeds: tuple[int, ...]
-    diverged_seeds: tuple[int, ...]
-    highlighted: bool
+    sample: Sample | None
+    seeds: tuple[int, ...] = ()
+    diverged_seeds: tuple[int, ...] = ()
+    failed_seeds: tuple[int, ...] = ()
+    highlighted: bool = False
+    lost: bool = False
+    agreement: Agreement | None = None
+
+    @property
+    def summary(self) -> Summary | None:
+        """n, mean and std over seeds."""
+        return self.sample.summary if self.sample else None
 
 
 @dataclass(frozen=True)
@@ -55,15 +79,17 @@ class Row:
         label: short name inside the block, e.g. ``hopper``.
         task: full name, e.g. ``hopper-random-expert``.
         cells: one per column of the table; None where there is no record.
-        verdict: outcome of the highlight rule.
-        p: p-value behind the verdict; None where nothing was tested.
+        outcome: of the highlight rule.
+        p: p-value of best against second best; None where nothing was tested.
+        adjusted_p: `p` corrected for the number of rows tested, by Holm where the rule says no correction.
     """
 
     label: str
     task: str
     cells: tuple[Cell | None, ...]
-    verdict: Verdict
+    outcome: Outcome
     p: float | None
+    adjusted_p: float | None
 
 
 @dataclass(frozen=True)
@@ -93,12 +119,23 @@ class ColumnGroup:
 
 @dataclass(frozen=True)
 class Table:
-    """Scores of methods (columns) on tasks (rows) from one source under one protocol."""
+    """Scores of methods (columns) on tasks (rows) from one source under one protocol.
+
+    Attributes:
+        columns: in table order, each group's beside each other.
+        blocks: the rows.
+        notes: the footnote.
+        statistic: what a run's evaluations were reduced to.
+        rule: what decided the highlights.
+        source: where the data came from.
+        protocol: name of the protocol.
+    """
 
     columns: tuple[Column, ...]
     blocks: tuple[Block, ...]
     notes: tuple[Note, ...]
     statistic: Statistic
+    rule: Rule
     source: str
     protocol: str
 
@@ -115,11 +152,20 @@ class Table:
                 yield row, column, cell
 
 
+GROUP_LABELS: dict[ColumnKind, str] = {
+    "actions": "Access to expert actions",
+    "observations": "No expert actions",
+    "expert": "Expert",
+    "published": "Published",
+}
+
+
 def column_groups(columns: tuple[Column, ...]) -> tuple[ColumnGroup, ...]:
-    """The seed paper's two column groups, methods with expert actions first; an empty group is left out."""
-    with_actions = sum(column.sees_expert_actions for column in columns)
-    groups = (
-        ColumnGroup("Access to expert actions", 0, with_actions),
-        ColumnGroup("No expert actions", with_actions, len(columns)),
-    )
-    return tuple(group for group in groups if group.start < group.stop)
+    """The seed paper's column groups, in the order of `GROUP_LABELS`; an empty group is left out."""
+    groups, start = [], 0
+    for kind, label in GROUP_LABELS.items():
+        stop = start + sum(column.kind == kind for column in columns)
+        if stop > start:
+            groups.append(ColumnGroup(label, start, stop))
+        start = stop
+    return tuple(groups)

@@ -9,7 +9,7 @@ from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.text import Text
 
-from lfobench.render.cell_text import DIVERGED, MISSING, PLUS_MINUS, cell_text
+from lfobench.render.cell_text import MISSING, PLUS_MINUS, cell_text
 from lfobench.render.table import HIGHLIGHT_NOTE, Column, ColumnGroup, Table, column_groups
 
 _GAP = 2
@@ -115,17 +115,18 @@ def _aligned_cells(table: Table, column: int, highlight_mark: str) -> list[Text]
     texts = [cell_text(cell) if cell else None for cell in cells]
     mean = max((len(text.mean) for text in texts if text), default=0)
     std = max((len(text.std) for text in texts if text), default=0)
-    diverged = max((len(text.diverged) for text in texts if text), default=0)
+    marks = max((cell_len(text.marks) for text in texts if text), default=0)
+    lost = max((len(text.lost) for text in texts if text), default=0)
     star = highlight_mark if any(cell and cell.highlighted for cell in cells) else ""
     aligned = []
     for cell, text in zip(cells, texts, strict=True):
         highlighted = cell is not None and cell.highlighted
         spread = f" {PLUS_MINUS} {text.std:>{std}}" if text and text.std else ""
-        mark = f" {DIVERGED}{text.diverged}" if text and text.diverged else ""
         line = Text((text.mean if text else MISSING).rjust(mean) + spread.ljust(std + 3 if std else 0))
         line.stylize(_HIGHLIGHT if highlighted else "")
+        line.append((text.lost if text else "").ljust(lost))
         line.append(star if highlighted else " " * len(star))
-        line.append(mark.ljust(diverged + 2 if diverged else 0), "red")
+        line.append(f" {text.marks if text else ''}".ljust(marks + 1) if marks else "", "red")
         aligned.append(line)
     return aligned
 

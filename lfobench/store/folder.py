@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import ValidationError
 
+from lfobench.contract.failure import Failure
 from lfobench.contract.identity import first_problem
 from lfobench.contract.record import SCHEMA, Record, Warning, content_hash
 from lfobench.errors import UserError
@@ -18,6 +20,8 @@ from lfobench.plan.cells import Run
 
 SEAL = "seal"
 """Key of the hash over everything else in a record's file."""
+
+FAILURE_SUFFIX = ".failure"
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,8 @@ class RecordFolder:
         return self.root / "checkpoints" / f"{job_hash[:24]}.safetensors"
 
     def failure(self, run: Run) -> Path:
-        """Where the traceback of a crashed run is kept."""
-        return self.root / "failures" / _safe(f"{run.cell.method.name}-{run.cell.task.name}-seed{run.seed}.txt")
+        """Where a crashed run is told of; its own suffix keeps it apart from records."""
+        return self.root / "failures" / _safe(run.cell.task.name) / f"{self.path(run).stem}{FAILURE_SUFFIX}"
 
     def find(self, run: Run) -> Record | None:
         """The run's record, if it is there and whole."""
@@ -158,9 +162,15 @@ def read_record(path: Path) -> Record | Warning:
     return record
 
 
-def select(records: Sequence[Record], **wanted: str | int | None) -> list[Record]:
-    """Records whose ``source``, ``protocol``, ``steps``, ``suite`` or ``preset`` is the wanted one; None keeps all."""
-    found = {
+Kept = TypeVar("Kept", Record, Failure)
+
+
+def select(records: Sequence[Kept], **wanted: str | int | None) -> list[Kept]:
+    """Records or failures whose ``source``, ``protocol``, ``steps``, ``suite`` or ``preset`` is the wanted one.
+
+    None keeps all.
+    """
+    found: dict[str, Callable[[Record | Failure], object]] = {
         "source": lambda record: record.identity["source"],
         "protocol": lambda record: record.identity["protocol"]["name"],
         "steps": lambda record: record.identity["protocol"]["steps"],

@@ -1,0 +1,85 @@
+"""The part of the footnote that says what a highlight means, and what this design could not have shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from lfobench.render.cell_text import LOST
+from lfobench.render.table import HIGHLIGHT_NOTE, Note, Row, Table
+from lfobench.stats.comparison import PAIRED
+from lfobench.stats.feasibility import can_reach, smallest_p
+from lfobench.stats.names import Correction, Scope, Test
+
+TESTS: dict[Test, str] = {
+    "welch": "Welch's two-sided t-test",
+    "student": "Student's two-sided t-test",
+    "mann-whitney": "the two-sided Mann-Whitney test",
+    "permutation": "the two-sided permutation test of the means",
+    "paired-t": "the two-sided paired t-test",
+    "wilcoxon": "Wilcoxon's two-sided signed-rank test",
+    "paired-permutation": "the two-sided sign-flip test of the mean difference",
+}
+
+CORRECTIONS: dict[Correction, str] = {"none": "none", "holm": "Holm", "bh": "Benjamini-Hochberg"}
+
+SCOPES: dict[Scope, str] = {"group": "the methods without expert actions", "all": "all methods"}
+
+
+def highlight_notes(table: Table) -> Iterator[Note]:
+    """What was compared with what, at which level; which rows decided nothing, and why."""
+    rule, rows = table.rule, [row for _, row in table.rows()]
+    tested = sum(row.p is not None for row in rows)
+    corrected = f" corrected by {CORRECTIONS[rule.correction]} over the {tested} rows tested"
+    text = (
+        f"the best mean in its row among {SCOPES[rule.scope]}, and the second best too unless "
+        f"{TESTS[rule.test]} between them gives p < {rule.alpha:g}"
+        f"{'' if rule.correction == 'none' else corrected}. "
+        f"Correction for multiple comparisons: {CORRECTIONS[rule.correction]}"
+    )
+    for outcome, said in (
+        ("untested", "Not tested for want of a second seed, both highlighted"),
+        ("unopposed", "Nothing to compare, nothing highlighted"),
+    ):
+        if concerned := [row for row in rows if row.outcome == outcome]:
+            text += f". {said}: {_where(concerned, rows)}"
+    yield Note(HIGHLIGHT_NOTE, f"{text}.")
+    if rule.test in PAIRED:
+        yield Note(
+            "Pairs",
+            "the test pairs the common start states, each with its mean over seeds. It speaks of other starts of these "
+            "trained policies, not of other training seeds.",
+        )
+    if any(cell is not None and cell.lost for _, _, cell in table.cells()):
+        by = CORRECTIONS["holm" if rule.correction == "none" else rule.correction]
+        yield Note(
+            LOST, f"stands out with p < {rule.alpha:g}, and no longer when corrected by {by} over {tested} rows."
+        )
+    yield from _infeasible(table)
+
+
+def _where(concerned: Sequence[Row], rows: Sequence[Row]) -> str:
+    return "every row" if len(concerned) == len(rows) else ", ".join(row.task for row in concerned)
+
+
+def _infeasible(table: Table) -> Iterator[Note]:
+    """Said where no result whatever could have been significant: silence would read as "no difference"."""
+    rule = table.rule
+    tested = [row for _, row in table.rows() if row.p is not None]
+    if not tested:
+        return
+    sizes = _sizes(table)
+    if can_reach(rule.test, *sizes, rule.alpha, len(tested), rule.correction):
+        return
+    smallest = smallest_p(rule.test, *sizes)
+    yield Note(
+        "Design",
+        f"with {sizes[0]} {'start states' if rule.test in PAIRED else 'seeds'}, {TESTS[rule.test]} gives at best "
+        f"p = {smallest:.2g}, so no row could have come out significant. Use more, or another test.",
+    )
+
+
+def _sizes(table: Table) -> tuple[int, int]:
+    """The two largest samples that any row could have compared."""
+    samples = [cell.sample for _, column, cell in table.cells() if column.run_here and cell is not None and cell.sample]
+    sizes = sorted(len(sample.starts if table.rule.test in PAIRED else sample.seeds) for sample in samples)
+    return sizes[-1], sizes[-2]

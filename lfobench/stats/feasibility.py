@@ -1,0 +1,35 @@
+"""Whether a design can show anything: the smallest p-value that a test can give with so many scores."""
+
+from __future__ import annotations
+
+from math import comb
+
+from lfobench.stats.comparison import PAIRED
+from lfobench.stats.names import Correction, Test
+
+_T_TESTS = frozenset({"welch", "student", "paired-t"})
+
+
+def smallest_p(test: Test, n: int, m: int) -> float | None:
+    """The smallest two-sided p-value of `test` with n and m scores; None where there is no test.
+
+    A t-test has none above 0. A test by relabelling counts one outcome and its mirror image among all: 2 / C(n+m, n)
+    over seeds, 2 / 2^n over n pairs.
+    """
+    if min(n, m) < 2:
+        return None
+    if test in _T_TESTS:
+        return 0.0
+    return min(1.0, 2.0 / (2**n if test in PAIRED else comb(n + m, n)))
+
+
+def can_reach(test: Test, n: int, m: int, alpha: float, comparisons: int, correction: Correction) -> bool:
+    """Whether the best of `comparisons` tests with n and m scores each can come out below alpha when corrected.
+
+    Under Holm its p-value is multiplied by their number. Under Benjamini and Hochberg it is not where all the others
+    are as small, so in the best case that correction asks for nothing.
+    """
+    smallest = smallest_p(test, n, m)
+    if smallest is None:
+        return False
+    return smallest * (comparisons if correction == "holm" else 1) < alpha

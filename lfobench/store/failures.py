@@ -1,0 +1,43 @@
+"""Crashed runs on disk: what a table shows in place of their scores."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from lfobench.contract.failure import Failure
+from lfobench.contract.record import Record, Warning
+from lfobench.files import write_text
+from lfobench.plan.cells import Run
+from lfobench.store.folder import FAILURE_SUFFIX, RecordFolder
+
+
+def write_failure(folder: RecordFolder, run: Run, error: str, traceback: str) -> Path:
+    """Keep what is known of a crashed run; a later crash of the same run takes its place."""
+    path = folder.failure(run)
+    failure = Failure(
+        identity_hash=run.identity_hash,
+        identity=run.identity,
+        labels=run.cell.labels,
+        error=error,
+        traceback=traceback.splitlines(),
+    )
+    write_text(path, failure.model_dump_json(indent=1) + "\n")
+    return path
+
+
+def read_failures(folder: RecordFolder, records: list[Record]) -> tuple[list[Failure], list[Warning]]:
+    """Crashed runs that have left no record since, and a warning for every file that does not tell of one."""
+    done = {record.identity_hash for record in records}
+    failures, warnings = [], []
+    for path in sorted(folder.root.rglob(f"*{FAILURE_SUFFIX}")):
+        try:
+            failure = Failure.model_validate_json(path.read_bytes())
+        except (OSError, ValidationError):
+            what = f"{path} does not tell of a failed run and was skipped."
+            warnings.append(Warning(what=what, remedy="Delete it; the run is tried again anyway."))
+            continue
+        if failure.identity_hash not in done:
+            failures.append(failure)
+    return failures, warnings
