@@ -25,7 +25,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "executors": {"contract", "engine", "errors", "processes"},
     "stats": {"contract"},
     "render": {"contract", "stats", "errors"},
+    "api": {"contract", "plan", "registry", "store", "stats", "render", "errors", "files"},
     "cli": {
+        "api",
         "contract",
         "data",
         "engine",

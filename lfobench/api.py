@@ -1,0 +1,159 @@
+"""The harness from Python: every view that the command line prints, as one function call.
+
+Example::
+
+    import lfobench
+
+    frame = lfobench.load("runs")                      # one row per run and evaluation
+    lfobench.table("runs", correction="holm")          # a notebook shows it as HTML
+    lfobench.plot("curves", "runs").savefig("curves.pdf")
+    lfobench.report("runs", to="report.html")
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypedDict, cast, get_args
+
+from lfobench.contract.failure import Failure
+from lfobench.contract.record import Record, Warning
+from lfobench.contract.statistic import Statistic, parse_statistic
+from lfobench.errors import UserError, unknown_name
+from lfobench.plan.names import split_names
+from lfobench.registry import load_suite, suite_names
+from lfobench.render.building import build_table
+from lfobench.render.table import Table
+from lfobench.stats.highlight import Rule
+from lfobench.stats.names import Correction, Scope, Test
+from lfobench.store.failures import read_failures
+from lfobench.store.folder import RecordFolder, select
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
+"""Order of the columns where none is asked for; other methods follow as they first appear."""
+
+
+class Filters(TypedDict, total=False):
+    """Which records of a folder a view shows; what is left out filters nothing."""
+
+    suite: str | None
+    protocol: str | None
+    steps: int | None
+    source: str | None
+    preset: str | None
+    methods: str | None
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What a view is made of.
+
+    Attributes:
+        records: those that pass the filters.
+        failures: crashed runs that pass them and have left no record since.
+        warnings: what reading the folder has to say.
+        tasks: names in row order.
+        methods: names in column order.
+    """
+
+    records: Sequence[Record]
+    failures: Sequence[Failure]
+    warnings: Sequence[Warning]
+    tasks: Sequence[str]
+    methods: Sequence[str]
+
+    def table(self, statistic: Statistic, rule: Rule) -> Table:
+        """The table of the selected records."""
+        return build_table(self.records, statistic, rule, self.tasks, self.methods, self.failures)
+
+
+def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:
+    """The records of a folder that pass the filters. A suite may be the path of its file; methods order the columns.
+
+    Raises:
+        UserError: no folder, an unknown method, or nothing passes.
+    """
+    folder = RecordFolder(Path(out))
+    read = folder.read_all()
+    failures, unread = read_failures(folder, read.records)
+    suite = filters.get("suite")
+    given = load_suite(suite) if suite is not None and suite.endswith(".py") else None
+    wanted: dict[str, str | int | None] = {
+        "suite": given.name if given else suite,
+        "protocol": filters.get("protocol"),
+        "steps": filters.get("steps"),
+        "source": filters.get("source"),
+        "preset": filters.get("preset"),
+    }
+    records = select(read.records, **wanted)
+    columns = split_names(filters.get("methods") or "")
+    present = {record.method for record in records}
+    for column in columns:
+        if column not in present:
+            raise unknown_name("method among these records", column, present)
+    if read.records and not records:
+        raise UserError(
+            f"None of the {len(read.records)} records in {out} passes the filters.",
+            f"'lfobench status --out {out}' lists what is there.",
+        )
+    if columns:
+        records = [record for record in records if record.method in columns]
+    present_suites = {record.labels.suite for record in records}
+    known = [given] if given else [load_suite(each) for each in suite_names() if each in present_suites]
+    return Selection(
+        records,
+        select(failures, **wanted),
+        [*read.warnings, *unread],
+        [task.name for known_suite in known for task in known_suite.tasks],
+        columns or COLUMN_ORDER,
+    )
+
+
+def make_rule(test: str = "welch", scope: str = "group", correction: str = "none", alpha: float = 0.05) -> Rule:
+    """The four knobs as a value.
+
+    Raises:
+        UserError: an unknown name, or a level outside 0 to 1.
+    """
+    for kind, name, known in (
+        ("test", test, get_args(Test)),
+        ("scope", scope, get_args(Scope)),
+        ("correction", correction, get_args(Correction)),
+    ):
+        if name not in known:
+            raise unknown_name(kind, name, known)
+    if not 0.0 <= alpha <= 1.0:
+        raise UserError(f"alpha = {alpha} is not a level.", "Choose one between 0 and 1, e.g. 0.05.")
+    return Rule(cast("Test", test), cast("Scope", scope), cast("Correction", correction), alpha)
+
+
+def table(
+    out: str | Path,
+    *,
+    statistic: str = "last5",
+    test: str = "welch",
+    scope: str = "group",
+    correction: str = "none",
+    alpha: float = 0.05,
+    **filters: Unpack[Filters],
+) -> Table:
+    """The table of a folder of records, as ``lfobench table`` prints it; a notebook shows it as HTML.
+
+    Raises:
+        UserError: as the command line says it.
+    """
+    rule = make_rule(test, scope, correction, alpha)
+    counted = parse_statistic(statistic)
+    return _selected(out, **filters).table(counted, rule)
+
+
+def _selected(out: str | Path, **filters: Unpack[Filters]) -> Selection:
+    selection = select_records(out, **filters)
+    for warning in selection.warnings:
+        warnings.warn(f"{warning.what} {warning.remedy}", stacklevel=3)
+    return selection
