@@ -8,7 +8,7 @@ from typing import Any
 
 import torch
 
-from benchmarks import built_task
+from benchmarks import built_task, views
 from benchmarks.ablations import compare_ablations
 from benchmarks.evaluation import compare_evaluation
 from benchmarks.hardware import describe
@@ -127,6 +127,18 @@ class Speed:
             wall = found["wall_seconds"]
             yield "gpu cell", Finding(TARGETS["gpu cell"], Spread(wall, wall, wall))
 
+    def statistics(self) -> Iterator[tuple[str, Finding]]:
+        """Intervals by bootstrap, on one thread."""
+        found = views.bootstrap_seconds(self.quick, self.rounds)
+        self.raw["statistics"] = found.as_json()
+        yield "bootstrap", Finding(TARGETS["bootstrap"], found)
+
+    def records(self) -> Iterator[tuple[str, Finding]]:
+        """From a folder of records to a frame."""
+        found = views.record_seconds(self.quick, self.rounds)
+        self.raw["records"] = found
+        yield "records", Finding(TARGETS["records"], built_task.spread_of(found["again"]))
+
     def _seed_steps(self, seeds: int) -> Spread:
         workload = WORKLOADS["dilo"]
         data = workload.data(SHAPES["hopper"], self.effort.offline_rows, self.effort.expert_rows)
@@ -150,6 +162,8 @@ SECTIONS: dict[str, Section] = {
     "bf16": Speed.bf16,
     "seeds": Speed.seeds,
     "evaluation": Speed.evaluation,
+    "statistics": Speed.statistics,
+    "records": Speed.records,
 }
 
 

@@ -19,7 +19,10 @@ STYLES = {"aim": "green", "must": "green", "missed": "bold red", "unmeasured": "
 def bench(
     only: Annotated[
         str | None,
-        typer.Option(help="Comma-separated sections: loading, cell, steps, ablations, bf16, seeds, evaluation."),
+        typer.Option(
+            help="Comma-separated sections: loading, cell, steps, ablations, bf16, seeds, evaluation, "
+            "statistics, records."
+        ),
     ] = None,
     device: options.Device = "auto",
     quick: Annotated[

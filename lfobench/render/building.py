@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isfinite
 
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record
@@ -111,7 +112,8 @@ def _expert_cells(records: Sequence[Record]) -> dict[str, Cells]:
     return {
         record.task: {column: Cell(sample_of([float(score)]))}
         for record in records
-        if (score := record.provenance.get("demonstration_score")) is not None
+        # Provenance is free text of whoever wrote the record.
+        if isinstance(score := record.provenance.get("demonstration_score"), int | float) and isfinite(score)
     }
 
 

@@ -10,6 +10,7 @@ from lfobench.render.table import Cell, ColumnKind, Table
 _KINDS: dict[ColumnKind, tuple[str, str]] = {
     "actions": ("§", "has access to expert actions"),
     "published": ("¶", "as published"),
+    "incomparable": ("¶", "as published, not comparable"),
 }
 
 

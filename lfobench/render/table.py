@@ -16,8 +16,9 @@ HIGHLIGHT_NOTE = "Highlighted"
 """Label of the note that explains the highlights; the terminal attaches its mark to it."""
 
 
-ColumnKind = Literal["actions", "observations", "expert", "published"]
-"""The group of a column: methods with expert actions, methods without, the demonstration, published numbers."""
+ColumnKind = Literal["actions", "observations", "expert", "published", "incomparable"]
+"""The group of a column: methods with expert actions, methods without, the demonstration, published numbers, and
+published numbers of another source or protocol."""
 
 
 @dataclass(frozen=True)
@@ -157,6 +158,7 @@ GROUP_LABELS: dict[ColumnKind, str] = {
     "observations": "No expert actions",
     "expert": "Expert",
     "published": "Published",
+    "incomparable": "Published, not comparable",
 }
 
 

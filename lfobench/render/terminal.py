@@ -123,7 +123,7 @@ def _aligned_cells(table: Table, column: int, highlight_mark: str) -> list[Text]
         highlighted = cell is not None and cell.highlighted
         spread = f" {PLUS_MINUS} {text.std:>{std}}" if text and text.std else ""
         line = Text((text.mean if text else MISSING).rjust(mean) + spread.ljust(std + 3 if std else 0))
-        line.stylize(_HIGHLIGHT if highlighted else "")
+        line.stylize(_HIGHLIGHT if highlighted else "" if table.columns[column].run_here else "dim")
         line.append((text.lost if text else "").ljust(lost))
         line.append(star if highlighted else " " * len(star))
         line.append(f" {text.marks if text else ''}".ljust(marks + 1) if marks else "", "red")

@@ -1,0 +1,128 @@
+"""Published numbers beside ours: ghost columns, each number with a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from lfobench.errors import UserError
+from lfobench.render.cell_text import AGREEMENTS
+from lfobench.render.table import Cell, Column, Note, Row, Table
+from lfobench.stats.equivalence import equivalence_test
+from lfobench.stats.sample import Sample
+from lfobench.stats.summary import Summary
+
+
+@dataclass(frozen=True)
+class PublishedScores:
+    """One published table of normalised scores.
+
+    Attributes:
+        name: how the footnote calls it, e.g. ``dilo-2024, Table 1``.
+        source: of its data, in our words.
+        protocol: of its runs, in our words.
+        scores: by task and method.
+        remark: what a reader must know of n, the simulator and the like; whole sentences.
+    """
+
+    name: str
+    source: str
+    protocol: str
+    scores: Mapping[tuple[str, str], Summary]
+    remark: str
+
+
+def with_published(table: Table, published: PublishedScores, margin: float, alpha: float, anyway: bool) -> Table:
+    """`table` with a ghost column for every method that was published on one of its tasks.
+
+    The verdict of a ghost cell is the equivalence test's of our cell in the same row against it.
+
+    Raises:
+        UserError: the table's source or protocol is another and `anyway` is false; nothing of the table was
+            published; or two columns show one method, so that a verdict would be ambiguous.
+    """
+    differing = [
+        f"{kind} is '{ours}' here and '{theirs}' there"
+        for kind, ours, theirs in (
+            ("source", table.source, published.source),
+            ("protocol", table.protocol, published.protocol),
+        )
+        if ours != theirs
+    ]
+    if differing and not anyway:
+        raise UserError(
+            f"These records are not comparable with {published.name}: the {' and the '.join(differing)}.",
+            "Add --anyway to see them side by side, labelled as such.",
+        )
+    ghosts = {ours: _ghost(ours, bool(differing)) for ours in _published_columns(table, published)}
+    blocks = tuple(
+        replace(
+            block, rows=tuple(_with_ghosts(row, table.columns, ghosts, published, margin, alpha) for row in block.rows)
+        )
+        for block in table.blocks
+    )
+    notes = (*table.notes, *_notes(published, differing, margin, alpha))
+    return replace(table, columns=(*table.columns, *ghosts.values()), blocks=blocks, notes=notes)
+
+
+def _published_columns(table: Table, published: PublishedScores) -> list[Column]:
+    tasks = {row.task for _, row in table.rows()}
+    methods = {method for task, method in published.scores if task in tasks}
+    columns = [column for column in table.columns if column.run_here and column.method in methods]
+    if not columns:
+        raise UserError(
+            f"{published.name} has no number for any task and method of this table.",
+            f"It has the methods {', '.join(sorted({method for _, method in published.scores}))}.",
+        )
+    names = [column.method for column in columns]
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        labels = " and ".join(column.label for column in columns if column.method == repeated)
+        raise UserError(
+            f"{labels} would both be held against the published {repeated}.", "Choose one, e.g. with --preset released."
+        )
+    return columns
+
+
+def _ghost(column: Column, incomparable: bool) -> Column:
+    return Column(column.method, column.method, "", "incomparable" if incomparable else "published")
+
+
+def _with_ghosts(
+    row: Row,
+    columns: Sequence[Column],
+    ghosts: Mapping[Column, Column],
+    published: PublishedScores,
+    margin: float,
+    alpha: float,
+) -> Row:
+    added: list[Cell | None] = []
+    for ours, cell in zip(columns, row.cells, strict=True):
+        if ours not in ghosts:
+            continue
+        theirs = published.scores.get((row.task, ours.method))
+        if theirs is None:
+            added.append(None)
+        elif cell is None or cell.summary is None:
+            added.append(Cell(Sample(theirs)))
+        else:
+            result = equivalence_test(cell.summary, theirs, margin, alpha)
+            added.append(Cell(Sample(theirs), agreement=result.agreement))
+    return replace(row, cells=(*row.cells, *added))
+
+
+def _notes(published: PublishedScores, differing: Sequence[str], margin: float, alpha: float) -> list[Note]:
+    notes = [
+        Note(
+            "Published",
+            f"{published.name}. {published.remark} Ours against it: {AGREEMENTS['matches']} matches, the difference is "
+            f"shown to be below {margin:g} points (two one-sided Welch tests, each at {alpha:g}); "
+            f"{AGREEMENTS['differs']} differs (Welch's test, p < {alpha:g}); {AGREEMENTS['undecided']} undecided, "
+            "neither is shown.",
+        )
+    ]
+    if differing:
+        notes.append(
+            Note("Not comparable", f"the {' and the '.join(differing)}; shown because --anyway was asked for.")
+        )
+    return notes
