@@ -6,6 +6,7 @@ from math import comb
 
 from lfobench.stats.comparison import PAIRED
 from lfobench.stats.names import Correction, Test
+from lfobench.stats.permutation import EXACT_RELABELLINGS, RANDOM_RELABELLINGS
 
 _T_TESTS = frozenset({"welch", "student", "paired-t"})
 
@@ -13,14 +14,19 @@ _T_TESTS = frozenset({"welch", "student", "paired-t"})
 def smallest_p(test: Test, n: int, m: int) -> float | None:
     """The smallest two-sided p-value of `test` with n and m scores; None where there is no test.
 
-    A t-test has none above 0. A test by relabelling counts one outcome and its mirror image among all: 2 / C(n+m, n)
-    over seeds, 2 / 2^n over n pairs.
+    A t-test has none above 0. A test by relabelling counts at least the outcome itself among all of them, C(n+m, n)
+    over seeds and 2^n over n pairs; its mirror image too where the two sides have as many scores, as pairs do. Random
+    relabellings, beyond what can be listed, cannot show less than one of them.
     """
     if min(n, m) < 2:
         return None
     if test in _T_TESTS:
         return 0.0
-    return min(1.0, 2.0 / (2**n if test in PAIRED else comb(n + m, n)))
+    relabellings = 2**n if test in PAIRED else comb(n + m, n)
+    if relabellings <= EXACT_RELABELLINGS:
+        return min(1.0, (2.0 if n == m else 1.0) / relabellings)
+    # Beyond, the rank tests use the normal approximation, which has no smallest value worth a warning.
+    return 1.0 / (RANDOM_RELABELLINGS + 1) if test in ("permutation", "paired-permutation") else 0.0
 
 
 def can_reach(test: Test, n: int, m: int, alpha: float, comparisons: int, correction: Correction) -> bool:

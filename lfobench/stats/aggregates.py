@@ -1,0 +1,193 @@
+"""One number for a method over many tasks, with a stratified bootstrap interval.
+
+All follow R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville, M. G. Bellemare, "Deep reinforcement learning at
+the edge of the statistical precipice", NeurIPS 2021, sections 4.1 to 4.3. That paper has as many runs in every
+task. Where they differ here, every task counts equally, and every run of a task counts equally within it.
+
+The interval of a method depends on its own scores alone. It is None where no task has two runs; a task with one run
+adds no spread to it. Like any percentile bootstrap it is too narrow for few runs, though less so than for one task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfobench.stats.bootstrap import (
+    REPLICATES,
+    Counts,
+    Scores,
+    Strata,
+    Values,
+    bootstrap,
+    percentile_interval,
+    strata,
+)
+from lfobench.stats.intervals import Estimate, Interval, check_probability
+
+
+def interquartile_mean(scores: Scores, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0) -> Estimate:
+    """Mean of the middle half of all runs of all tasks.
+
+    Of N runs in all, the weight of ⌊N/4⌋ is cut from each end of the sorted scores; a run at the edge may be cut in
+    part. With as many runs in every task all weigh 1, and this is ``scipy.stats.trim_mean(scores, 0.25, axis=None)``.
+
+    Raises:
+        ValueError: the scores are empty or not finite, or `level` is not strictly between 0 and 1.
+    """
+    pool = strata(scores)
+    order = np.argsort(pool.values, kind="stable")
+    values = pool.values[order]
+    weights = pool.weights[order, None]
+    low = float(values.size // 4)
+    high = values.size - low
+
+    def statistic(counts: Counts) -> Values:
+        below = np.cumsum(counts[order] * weights, axis=0)
+        kept = np.diff(np.clip(below, low, high), axis=0, prepend=low)
+        return np.asarray(values @ kept / (high - low))
+
+    return _estimate(pool, statistic, level, replicates, seed)
+
+
+def mean(scores: Scores, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0) -> Estimate:
+    """Mean over tasks of the mean over runs.
+
+    Raises:
+        ValueError: the scores are empty or not finite, or `level` is not strictly between 0 and 1.
+    """
+    pool = strata(scores)
+    return _mean_of(pool, pool.values, level, replicates, seed)
+
+
+def median(scores: Scores, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0) -> Estimate:
+    """Median over tasks of the mean over runs.
+
+    Raises:
+        ValueError: the scores are empty or not finite, or `level` is not strictly between 0 and 1.
+    """
+    pool = strata(scores)
+    shares = (pool.values / np.repeat(pool.sizes, pool.sizes))[:, None]
+
+    def statistic(counts: Counts) -> Values:
+        means = np.add.reduceat(counts * shares, pool.starts, axis=0)
+        return np.asarray(np.median(means, axis=0))
+
+    return _estimate(pool, statistic, level, replicates, seed)
+
+
+def optimality_gap(
+    scores: Scores, gamma: float = 100.0, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0
+) -> Estimate:
+    """How far runs fall short of the score `gamma` (100: the expert), on average; runs beyond it count 0.
+
+    Raises:
+        ValueError: the scores are empty or not finite, or `level` is not strictly between 0 and 1.
+    """
+    pool = strata(scores)
+    return _mean_of(pool, np.maximum(0.0, gamma - pool.values), level, replicates, seed)
+
+
+def probability_of_improvement(
+    first: Scores, second: Scores, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0
+) -> Estimate:
+    """Probability that a run of the first method beats a run of the second on a task, averaged over tasks.
+
+    Per task the Mann-Whitney statistic U / (n m): a tie counts one half. The two methods are drawn again from
+    independent streams; they share tasks, not numbers of runs. Swapping them turns the value p into 1 - p exactly,
+    and the interval up to the noise of the draws.
+
+    Raises:
+        ValueError: the scores are empty or not finite, the methods have different numbers of tasks, or `level` is
+            not strictly between 0 and 1.
+    """
+    check_probability("level", level)
+    pools = strata(first), strata(second)
+    tasks = pools[0].sizes.size
+    if pools[1].sizes.size != tasks:
+        raise ValueError(f"Both methods need the same tasks; got {tasks} and {pools[1].sizes.size} of them.")
+    rows, columns = (
+        [slice(start, start + size) for start, size in zip(pool.starts, pool.sizes, strict=True)] for pool in pools
+    )
+    wins = [
+        (np.sign(pools[0].values[row, None] - pools[1].values[column]) + 1.0) / 2.0
+        for row, column in zip(rows, columns, strict=True)
+    ]
+
+    def statistic(counts_first: Counts, counts_second: Counts) -> Values:
+        total = np.zeros(counts_first.shape[1])
+        for row, column, won in zip(rows, columns, wins, strict=True):
+            total += ((won.T @ counts_first[row]) * counts_second[column]).sum(axis=0) / won.size
+        return total / tasks
+
+    value = float(statistic(*(np.ones((pool.values.size, 1)) for pool in pools))[0])
+    if not any(pool.vary for pool in pools):
+        return Estimate(value, None)
+    return Estimate(value, _interval(bootstrap(statistic, pools, replicates, seed), level))
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A performance profile with its pointwise band.
+
+    Attributes:
+        thresholds: scores ``[T]``.
+        values: fraction of runs with a higher score, ``[T]``, between 0 and 1.
+        low: lower ends of the intervals, ``[T]``; None where no task has two runs.
+        high: upper ends, ``[T]``, or None.
+        level: nominal coverage at each threshold; all thresholds at once are covered less often.
+    """
+
+    thresholds: Values
+    values: Values
+    low: Values | None
+    high: Values | None
+    level: float
+
+
+def performance_profile(
+    scores: Scores,
+    thresholds: Sequence[float] | Values,
+    level: float = 0.95,
+    replicates: int = REPLICATES,
+    seed: int = 0,
+) -> Profile:
+    """Fraction of runs that score above each threshold ``[T]``, averaged over tasks.
+
+    Raises:
+        ValueError: the scores are empty or not finite, or `level` is not strictly between 0 and 1.
+    """
+    check_probability("level", level)
+    pool = strata(scores)
+    above = np.asarray(thresholds, dtype=np.float64)
+    shares = (pool.values > above[:, None]) * (pool.weights / pool.values.size)
+    values = shares.sum(axis=1)
+    if not pool.vary:
+        return Profile(above, values, None, None, level)
+    drawn = bootstrap(lambda counts: (shares @ counts).T, [pool], replicates, seed)
+    low, high = percentile_interval(drawn, level)
+    return Profile(above, values, low, high, level)
+
+
+def _mean_of(pool: Strata, values: Values, level: float, replicates: int, seed: int) -> Estimate:
+    """Mean over tasks of the mean over runs of any value ``[N]`` of the runs."""
+    shares = values * pool.weights / values.size
+    return _estimate(pool, lambda counts: shares @ counts, level, replicates, seed)
+
+
+def _estimate(
+    pool: Strata, statistic: Callable[[Counts], Values], level: float, replicates: int, seed: int
+) -> Estimate:
+    check_probability("level", level)
+    # Every run drawn once: the sample itself.
+    value = float(statistic(np.ones((pool.values.size, 1)))[0])
+    if not pool.vary:
+        return Estimate(value, None)
+    return Estimate(value, _interval(bootstrap(statistic, [pool], replicates, seed), level))
+
+
+def _interval(drawn: Values, level: float) -> Interval:
+    low, high = percentile_interval(drawn, level)
+    return Interval(float(low), float(high), level)
