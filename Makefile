@@ -3,8 +3,9 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v p
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := demo
+REPORT := report.html
 
-.PHONY: setup demo test check bench format clean
+.PHONY: setup demo test check bench report format clean
 
 setup: $(VENV)/.ok  ## Create .venv with the versions tested together.
 
@@ -31,9 +32,12 @@ check: setup  ## Lint and types.
 bench: setup  ## Speed: against the authors' loops, the machine's floor and the targets.
 	$(BIN)/lfobench bench
 
+report: setup  ## The reference records as one page: verdict, table with its four knobs, curves, provenance.
+	$(BIN)/lfobench report --out results/reference/locomotion-quick --to $(REPORT)
+
 format: setup
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) $(DEMO)
+	rm -rf $(VENV) $(DEMO) $(REPORT)
