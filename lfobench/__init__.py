@@ -5,7 +5,15 @@ The rooms of the house, in the order in which data flows:
 ``contract`` holds what methods and suites agree on with the harness.
 """
 
+from __future__ import annotations
+
 import os
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lfobench.api import export, load, plot, report, table
+
+__all__ = ["__version__", "export", "load", "plot", "report", "table"]
 
 __version__ = "0.1.0"
 
@@ -15,3 +23,12 @@ os.environ.setdefault("MKL_CBWR", "AUTO,STRICT")
 
 # Threads that spin while they wait for others cost a process with two threads on busy cores fifty times its time.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+
+def __getattr__(name: str) -> Any:
+    """What Python users call, loaded when it is first used: `import lfobench` is instant."""
+    if name not in __all__:
+        raise AttributeError(f"module 'lfobench' has no attribute '{name}'")
+    from lfobench import api
+
+    return getattr(api, name)

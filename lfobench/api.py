@@ -25,14 +25,18 @@ from lfobench.errors import UserError, unknown_name
 from lfobench.plan.names import split_names
 from lfobench.registry import load_suite, suite_names
 from lfobench.render.building import build_table
+from lfobench.render.formats import export
 from lfobench.render.table import Table
 from lfobench.stats.highlight import Rule
 from lfobench.stats.names import Correction, Scope, Test
 from lfobench.store.failures import read_failures
 from lfobench.store.folder import RecordFolder, select
+from lfobench.store.frame import load
 
 if TYPE_CHECKING:
     from typing import Unpack
+
+__all__ = ["Filters", "Selection", "export", "load", "make_rule", "select_records", "table"]
 
 COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
 """Order of the columns where none is asked for; other methods follow as they first appear."""

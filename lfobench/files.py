@@ -14,6 +14,14 @@ from lfobench.errors import UserError
 TEMPORARY_SUFFIX = ".lfobench-partial"
 
 
+def cache_folder() -> Path:
+    """``LFOBENCH_CACHE``, or the platform's cache folder."""
+    import platformdirs
+
+    chosen = os.environ.get("LFOBENCH_CACHE")
+    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("lfobench"))
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its name, durably, if the block succeeds.

@@ -27,8 +27,7 @@ def build(
     """
     from lfobench.cli import execution, planned
     from lfobench.cli.inputs import available_cores
-    from lfobench.data.cache import cache_folder
-    from lfobench.files import writable_folder
+    from lfobench.files import cache_folder, writable_folder
 
     root = writable_folder(cache_folder(), "LFOBENCH_CACHE")
     shards = planned.shards_of_suite(suite, tasks, protocol, root)
@@ -57,7 +56,7 @@ def status(
     from rich.table import Table
 
     from lfobench.cli import planned
-    from lfobench.data.cache import cache_folder
+    from lfobench.files import cache_folder
 
     root = cache_folder()
     rows = planned.data_status(suite, tasks, protocol, root)

@@ -67,7 +67,7 @@ def why(
     from rich.markup import escape
 
     from lfobench.cli import planned
-    from lfobench.data.cache import cache_folder
+    from lfobench.files import cache_folder
     from lfobench.store.explain import explain
 
     plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision))

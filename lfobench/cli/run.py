@@ -38,10 +38,9 @@ def run(
 
     from lfobench.cli import agenda, execution, packing, planned
     from lfobench.data.build import check_present
-    from lfobench.data.cache import cache_folder
     from lfobench.engine.memory import memory_of
     from lfobench.engine.probe import Prober
-    from lfobench.files import writable_folder
+    from lfobench.files import cache_folder, writable_folder
     from lfobench.plan.parts import build_command
 
     plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision))

@@ -204,8 +204,8 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
     from rich.markup import escape
 
     from lfobench.cli import planned
-    from lfobench.data.cache import cache_folder
     from lfobench.data.source import load_task, manifest
+    from lfobench.files import cache_folder
     from lfobench.plan.parts import build_command
     from lfobench.plan.planning import choose_protocol
     from lfobench.registry import load_suite

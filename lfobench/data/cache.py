@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shlex
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import platformdirs
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
@@ -25,12 +23,6 @@ from lfobench.plan.parts import PartSpecification
 
 GENERATED = "generated"
 READERS = 2
-
-
-def cache_folder() -> Path:
-    """``LFOBENCH_CACHE``, or the platform's cache folder."""
-    chosen = os.environ.get("LFOBENCH_CACHE")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("lfobench"))
 
 
 def fingerprint(episodes: Episodes) -> str:

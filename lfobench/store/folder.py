@@ -82,23 +82,29 @@ class RecordFolder:
             UserError: when the folder does not exist or cannot be looked into.
         """
         found: dict[str, list[tuple[Path, Record]]] = {}
-        warnings = []
-        for path in self._json_files():
+        read = RecordsRead()
+        for path in self.files():
             outcome = read_record(path)
             if isinstance(outcome, Record):
                 found.setdefault(outcome.identity_hash, []).append((path, outcome))
             else:
-                warnings.append(outcome)
-        read = RecordsRead(warnings=warnings)
+                read.warnings.append(outcome)
         for identity, copies in found.items():
-            read.warnings += _copies(copies)
-            if _contradict(copies):
-                read.contradicted[identity] = [path for path, _ in copies]
+            paths = [path for path, _ in copies]
+            contradict = any(_outcome(record) != _outcome(copies[0][1]) for _, record in copies)
+            read.warnings += warnings_of_copies(paths, contradict)
+            if contradict:
+                read.contradicted[identity] = paths
             else:
                 read.records.append(copies[0][1])
         return read
 
-    def _json_files(self) -> list[Path]:
+    def files(self) -> list[Path]:
+        """Every JSON file below the folder, in order.
+
+        Raises:
+            UserError: when the folder does not exist or cannot be looked into.
+        """
         try:
             if self.root.exists() and not self.root.is_dir():
                 raise UserError(f"{self.root} is not a folder.", "Choose another --out.")
@@ -124,23 +130,19 @@ class RecordsRead:
     contradicted: dict[str, list[Path]] = field(default_factory=dict)
 
 
-def _contradict(copies: Sequence[tuple[Path, Record]]) -> bool:
-    return any(_outcome(record) != _outcome(copies[0][1]) for _, record in copies)
-
-
 def _outcome(record: Record) -> tuple[object, ...]:
     return record.status, record.diverged_at, record.evaluations, record.metrics
 
 
-def _copies(copies: Sequence[tuple[Path, Record]]) -> list[Warning]:
-    """What to say of several files that are records of one run."""
-    if len(copies) == 1:
+def warnings_of_copies(paths: Sequence[Path], contradict: bool) -> list[Warning]:
+    """What to say of the files that are records of one run, which they should not be more than one of."""
+    if len(paths) == 1:
         return []
-    paths = ", ".join(str(path) for path, _ in copies)
-    if _contradict(copies):
-        what = f"{paths} are records of one run and differ in what they measured, so none of them counts."
+    names = ", ".join(map(str, paths))
+    if contradict:
+        what = f"{names} are records of one run and differ in what they measured, so none of them counts."
         return [Warning(what=what, remedy="Keep the one you trust; the provenance in each says what made it.")]
-    return [Warning(what=f"{paths} are copies of one record, which counts once.", remedy="Remove all but one.")]
+    return [Warning(what=f"{names} are copies of one record, which counts once.", remedy="Remove all but one.")]
 
 
 def read_record(path: Path) -> Record | Warning:

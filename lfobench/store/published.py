@@ -1,60 +1,92 @@
-"""Published numbers, as transcribed into CSV files under ``results/published``."""
+"""Published numbers: the papers that ship with lfobench by name, and any other table as a CSV file."""
 
 from __future__ import annotations
 
-import csv
-from dataclasses import dataclass
+import tomllib
 from pathlib import Path
+from typing import Any
 
-from lfobench.errors import UserError
+from lfobench.contract.publication import (
+    Claim,
+    Publication,
+    ScoreScale,
+    StatedContradiction,
+    TableOfCounts,
+    TableOfMeans,
+)
+from lfobench.errors import UserError, unknown_name
+from lfobench.store.published_file import COUNTS, HEADERS, read_rows_of_counts, read_rows_of_means, values_in
 
-_VALUES = ("method", "mean", "std", "highlighted")
-
-
-@dataclass(frozen=True)
-class PublishedCell:
-    """One cell of a published table, in the unit that its ``provenance.toml`` states.
-
-    Attributes:
-        place: what the row is about: the leading columns of the file, e.g. ``{"env": "hopper", …}``.
-        method: name of the method in lfobench's words.
-        mean: the printed mean.
-        std: the printed spread; None where the table prints none.
-        highlighted: whether the authors highlighted it; None where they highlight nothing by rule.
-    """
-
-    place: dict[str, str]
-    method: str
-    mean: float
-    std: float | None
-    highlighted: bool | None
+_PROVENANCE = "provenance.toml"
 
 
-def read_published(path: Path) -> list[PublishedCell]:
-    """The cells of one CSV of means, in file order.
+def read_publication(name_or_path: str) -> Publication:
+    """A shipped publication by its name, or the table in a CSV file by its path.
 
     Raises:
-        UserError: the file lacks a column or holds a value that is not a number.
+        UserError: no publication has this name and no file this path, or the file is not such a table.
     """
-    with path.open(newline="", encoding="utf-8") as file:
-        reader = csv.DictReader(file)
-        absent = [field for field in _VALUES if field not in (reader.fieldnames or ())]
-        if absent:
-            raise UserError(
-                f"{path} is not a table of means: it has no column {', '.join(absent)}.",
-                f"Its header must end in {','.join(_VALUES)}.",
-            )
-        return [_cell(path, reader.line_num, line) for line in reader]
-
-
-def _cell(path: Path, number: int, line: dict[str, str]) -> PublishedCell:
+    shipped = publication_names()
+    if name_or_path in shipped:
+        return _shipped(_folder() / name_or_path)
+    path = Path(name_or_path)
     try:
-        return PublishedCell(
-            place={field: value for field, value in line.items() if field not in _VALUES},
-            method=line["method"],
-            mean=float(line["mean"]),
-            std=float(line["std"]) if line["std"] else None,
-            highlighted=bool(int(line["highlighted"])) if line["highlighted"] else None,
-        )
-    except (TypeError, ValueError) as error:
-        raise UserError(f"{path}, line {number}: {error}.", "Correct the value or leave it empty.") from error
+        present, folder = path.exists(), path.is_dir()
+    except (OSError, ValueError) as error:
+        raise UserError(f"Cannot read {name_or_path!r}: {error}.", f"Give {_WHAT}.") from error
+    if folder:
+        raise UserError(f"{path} is a folder.", f"Give {_WHAT}.")
+    if present:
+        return _file(path)
+    if path.suffix or len(path.parts) != 1:
+        raise UserError(f"There is no file {path}.", f"Give {_WHAT}. Shipped: {', '.join(shipped)}.")
+    unknown = unknown_name("publication", name_or_path, shipped)
+    raise UserError(unknown.problem, f"{unknown.remedy} Or give the path of a CSV file with {HEADERS}.")
+
+
+_WHAT = f"the name of a shipped publication or the path of a CSV file with {HEADERS}"
+
+
+def publication_names() -> list[str]:
+    """The publications that ship with lfobench."""
+    return sorted(path.parent.name for path in _folder().glob(f"*/{_PROVENANCE}"))
+
+
+def _folder() -> Path:
+    """``lfobench/published`` in an installed package, ``results/published`` in a source checkout."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "published"
+    return installed if installed.is_dir() else package.parent / "results" / "published"
+
+
+def _file(path: Path) -> Publication:
+    if values_in(path) == COUNTS:
+        return Publication(path.stem, "", (TableOfCounts(path.name, read_rows_of_counts(path)),))
+    return Publication(path.stem, "", (TableOfMeans(path.name, read_rows_of_means(path)),))
+
+
+def _shipped(folder: Path) -> Publication:
+    provenance = tomllib.loads((folder / _PROVENANCE).read_text(encoding="utf-8"))
+    entries = [entry for entry in provenance.values() if isinstance(entry, dict)]
+    return Publication(
+        folder.name,
+        f"{provenance['paper']}, {provenance['venue']}, {provenance['version']}",
+        tuple(_table(folder, entry) for entry in entries),
+        tuple(StatedContradiction(**stated) for stated in provenance.get("contradictions", ())),
+    )
+
+
+def _table(folder: Path, entry: dict[str, Any]) -> TableOfMeans | TableOfCounts:
+    path, compared = folder / entry["file"], tuple(entry["compared"])
+    if entry["kind"] == "counts":
+        return TableOfCounts(entry["title"], read_rows_of_counts(path), compared)
+    return TableOfMeans(
+        entry["title"],
+        read_rows_of_means(path),
+        compared,
+        tuple(Claim(**claim) for claim in entry["n"]),
+        tuple(ScoreScale(**{"rows": {}, **scale}) for scale in entry.get("scales", ())),
+        entry.get("source", ""),
+        entry.get("protocol", ""),
+        entry.get("environments", ""),
+    )

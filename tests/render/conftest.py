@@ -1,87 +1,14 @@
-"""Synthetic records: the same shape as a run leaves, with scores chosen by the test."""
+"""Synthetic records as fixtures: the same shape as a run leaves, with scores chosen by the test."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import pytest
+from helpers_records import make_cell, make_record
 
-from lfobench.contract.record import Evaluation, Labels, Record, Warning, content_hash
-
-
-def make_record(
-    score: float,
-    method: str = "dilo",
-    seed: int = 0,
-    row: str = "hopper",
-    group: str = "random+expert",
-    *,
-    sees_expert_actions: bool = False,
-    stated: Sequence[str] = (),
-    fingerprints: Mapping[str, str] | None = None,
-    diverged_at: int | None = None,
-    evaluations: int = 5,
-    warnings: Sequence[Warning] = (),
-    **identity: Any,
-) -> Record:
-    """A record whose every episode has the given normalised score; `identity` overrides top-level fields."""
-    fields = {
-        "method": method,
-        "method_version": 1,
-        "preset": "released",
-        "config": {"batch_size": 256, "tau": 0.06},
-        "overrides": {},
-        "set": {},
-        "task": f"{row}-{group.replace('+', '-')}",
-        "environment": {
-            "name": row,
-            "id": f"{row.capitalize()}-v5",
-            "horizon": 1000,
-            "random_return": 0.0,
-            "expert_return": 1000.0,
-            "arguments": {},
-        },
-        "recipe": {
-            "offline": "random",
-            "offline_transitions": 1_000_000,
-            "expert": "expert",
-            "expert_trajectories": 200,
-            "demonstration_rows": 1000,
-        },
-        "source": "generated",
-        "data": {"offline": "a1", "expert": "b2"},
-        "protocol": {
-            "name": "quick",
-            "steps": 20_000,
-            "steps_assigned": False,
-            "evaluation_every": 1000,
-            "evaluation_episodes": 10,
-        },
-        "simulator": {"gymnasium": "1.4.0", "mujoco": "3.3.7"},
-        "seed": seed,
-    } | identity
-    return Record(
-        identity_hash=content_hash(fields),
-        identity=fields,
-        labels=Labels(
-            suite="locomotion", group=group, row=row, sees_expert_actions=sees_expert_actions, stated=list(stated)
-        ),
-        status="finished" if diverged_at is None else "diverged",
-        diverged_at=diverged_at,
-        evaluations=[
-            Evaluation(step=1000 * (index + 1), returns=[score * 10.0] * 2, lengths=[1000] * 2)
-            for index in range(evaluations)
-        ],
-        metrics=[],
-        warnings=list(warnings),
-        provenance={"data_fingerprints": dict(fingerprints or {})},
-    )
-
-
-def make_cell(scores: Iterable[float], method: str = "dilo", **options: Any) -> list[Record]:
-    """One record per score, with seeds 0, 1, 2, …"""
-    return [make_record(score, method, seed, **options) for seed, score in enumerate(scores)]
+from lfobench.contract.record import Record
 
 
 @pytest.fixture(name="make_record")
