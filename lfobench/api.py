@@ -15,6 +15,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, cast, get_args
 
@@ -24,19 +25,23 @@ from lfobench.contract.statistic import Statistic, parse_statistic
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.names import split_names
 from lfobench.registry import load_suite, suite_names
+from lfobench.render.against import published_scores, with_published
 from lfobench.render.building import build_table
 from lfobench.render.formats import export
 from lfobench.render.table import Table
-from lfobench.stats.highlight import Rule
+from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.names import Correction, Scope, Test
 from lfobench.store.failures import read_failures
 from lfobench.store.folder import RecordFolder, select
 from lfobench.store.frame import load
+from lfobench.store.published import read_publication
 
 if TYPE_CHECKING:
     from typing import Unpack
 
-__all__ = ["Filters", "Selection", "export", "load", "make_rule", "select_records", "table"]
+    from lfobench.render.plots.figure import PaperFigure
+
+__all__ = ["Filters", "Selection", "export", "load", "make_rule", "plot", "select_records", "table"]
 
 COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
 """Order of the columns where none is asked for; other methods follow as they first appear."""
@@ -144,16 +149,54 @@ def table(
     scope: str = "group",
     correction: str = "none",
     alpha: float = 0.05,
+    against: str | None = None,
+    margin: float = 5.0,
+    anyway: bool = False,
     **filters: Unpack[Filters],
 ) -> Table:
     """The table of a folder of records, as ``lfobench table`` prints it; a notebook shows it as HTML.
+
+    `against` names a publication, whose numbers then stand beside ours, each with the verdict of an equivalence test
+    within `margin` points; `anyway` shows them although the source or the protocol is another.
 
     Raises:
         UserError: as the command line says it.
     """
     rule = make_rule(test, scope, correction, alpha)
     counted = parse_statistic(statistic)
-    return _selected(out, **filters).table(counted, rule)
+    built = _selected(out, **filters).table(counted, rule)
+    return built if against is None else hold_against(built, against, margin, anyway)
+
+
+def hold_against(table: Table, publication: str, margin: float, anyway: bool) -> Table:
+    """`table` with the numbers of a publication (its name, or a CSV file) beside ours.
+
+    Raises:
+        UserError: an unknown publication, a margin that is not positive, or numbers that are not comparable.
+    """
+    if not 0.0 < margin < inf:
+        raise UserError(f"--margin {margin:g} is not a margin.", "Give a number of points above 0, e.g. 5.")
+    if not 0.0 < table.rule.alpha < 0.5:
+        raise UserError(f"alpha = {table.rule.alpha:g} leaves nothing of an equivalence test.", "Choose one below 0.5.")
+    published = published_scores(read_publication(publication))
+    return with_published(table, published, margin, table.rule.alpha, anyway)
+
+
+def plot(
+    kind: str, out: str | Path, *, statistic: str = "last5", width: str = "column", **filters: Unpack[Filters]
+) -> PaperFigure:
+    """A figure of a folder of records, as ``lfobench plot`` draws it; its ``caption`` says what it shows.
+
+    Raises:
+        UserError: as the command line says it.
+    """
+    # Imported here because matplotlib is slow to load and nothing else needs it.
+    from lfobench.render.plots.kinds import check_kind, draw
+
+    check_kind(kind)
+    counted = parse_statistic(statistic)
+    selection = _selected(out, **filters)
+    return draw(kind, selection.table(counted, DEFAULT_RULE), selection.records, width, COLUMN_ORDER)
 
 
 def _selected(out: str | Path, **filters: Unpack[Filters]) -> Selection:

@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from lfobench.cli import bench, data, records, run, show, table
+from lfobench.cli import audit, bench, compare, data, plan_seeds, plot, records, run, show, table
 from lfobench.cli.console import errors, one_line
 from lfobench.errors import UserError
 
@@ -27,6 +27,10 @@ app.command(name="run")(run.run)
 app.command(name="status")(records.status)
 app.command(name="why")(records.why)
 app.command(name="table")(table.table)
+app.command(name="plot")(plot.plot)
+app.command(name="compare")(compare.compare)
+app.command(name="audit")(audit.audit)
+app.command(name="plan")(plan_seeds.plan)
 app.command(name="bench")(bench.bench)
 
 

@@ -36,11 +36,19 @@ def table(
     source: selection.SourceFilter = None,
     preset: selection.PresetFilter = None,
     methods: selection.MethodsFilter = None,
+    against: Annotated[
+        str | None, typer.Option(help="A publication, e.g. dilo-2024: its numbers beside ours, each with a verdict.")
+    ] = None,
+    margin: Annotated[float, typer.Option(help="Points within which a number matches the published one.")] = 5.0,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Show published numbers of another source or protocol, labelled as such.")
+    ] = False,
 ) -> None:
     """Mean ± std over seeds, the supported winners highlighted, the footnote that defines every number.
 
     Example: lfobench table --out runs --format latex > table.tex
     """
+    from lfobench import api
     from lfobench.contract.statistic import parse_statistic
     from lfobench.render.formats import export
     from lfobench.render.terminal import terminal
@@ -48,6 +56,8 @@ def table(
     rule = selection.make_rule(test, scope, correction, alpha)
     counted = parse_statistic(statistic)
     built = selection.select_records(out, suite, protocol, steps, source, preset, methods).table(counted, rule)
+    if against is not None:
+        built = api.hold_against(built, against, margin, anyway)
     if format_name is Format.terminal:
         output.print(terminal(built))
     else:

@@ -163,11 +163,16 @@ class Record(_Model):
         return sum(scores) / len(scores)
 
     def start_scores(self, statistic: Statistic = HEADLINE) -> list[float]:
-        """The run's score from each common start state ``[K]``; their mean is `score`."""
+        """The run's score from each common start state ``[K]``; their mean is `score`.
+
+        Empty where the evaluations differ in their numbers of episodes, so that starts have no score.
+        """
         evaluations = self.counted(statistic)
         if not evaluations:
             starts = self.evaluations[0].returns if self.evaluations else range(self._episodes)
             return [0.0 for _ in starts]
+        if len({len(evaluation.returns) for evaluation in evaluations}) > 1:
+            return []
         by_start = zip(*(evaluation.returns for evaluation in evaluations), strict=True)
         return [self.normalized_score(sum(returns) / len(returns)) for returns in by_start]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from lfobench.contract.publication import Publication, TableOfMeans
 from lfobench.errors import UserError
 from lfobench.render.cell_text import AGREEMENTS
 from lfobench.render.table import Cell, Column, Note, Row, Table
@@ -30,6 +31,36 @@ class PublishedScores:
     protocol: str
     scores: Mapping[tuple[str, str], Summary]
     remark: str
+
+
+def published_scores(publication: Publication) -> PublishedScores:
+    """The scores of a publication's first table of normalised scores.
+
+    n is what the table gives for a cell, else the smallest number that the paper states. A cell without a spread is
+    shown and cannot be tested.
+
+    Raises:
+        UserError: no table says what source and protocol it is of, or none says n.
+    """
+    table = next((each for each in publication.tables if isinstance(each, TableOfMeans) and each.source), None)
+    if table is None:
+        raise UserError(
+            f"{publication.name} has no table that says which source and protocol its scores are of.",
+            "Only such a table can be held against records.",
+        )
+    claimed = sorted(claim.n for claim in table.claims)
+    scores: dict[tuple[str, str], Summary] = {}
+    for row in table.rows:
+        for method, cell in row.cells.items():
+            n = cell.n if cell.n is not None else min(claimed, default=None)
+            if n is None:
+                raise UserError(f"{publication.name}, {table.title} does not say n.", "Give it a column n.")
+            scores[row.name, method] = Summary(n if cell.std is not None else 1, cell.mean, cell.std)
+    said = " and ".join(f"{claim.n} ({claim.where})" for claim in table.claims)
+    taken = f" The paper states n = {said}; the smallest is taken here." if len(claimed) > 1 else ""
+    return PublishedScores(
+        f"{publication.name}, {table.title}", table.source, table.protocol, scores, f"{table.environments}.{taken}"
+    )
 
 
 def with_published(table: Table, published: PublishedScores, margin: float, alpha: float, anyway: bool) -> Table:

@@ -13,7 +13,7 @@ from lfobench.errors import UserError
 from lfobench.render.columns import arrange_columns, column_of_failure
 from lfobench.render.conditions import check_cell, check_unmixed
 from lfobench.render.footnote import footnote
-from lfobench.render.table import Block, Cell, Column, Row, Table
+from lfobench.render.table import Block, Cell, Column, Row, Table, competes
 from lfobench.stats.highlight import DEFAULT_RULE, Rule, highlights
 from lfobench.stats.sample import Sample, sample_of
 
@@ -79,15 +79,19 @@ def _in_order(names: Sequence[str], order: Sequence[str]) -> list[str]:
 def _cell(records: Sequence[Record], statistic: Statistic) -> Cell:
     check_cell(records)
     by_seed = sorted(records, key=lambda record: record.seed)
-    starts = zip(*(record.start_scores(statistic) for record in by_seed), strict=True)
     return Cell(
-        sample=sample_of(
-            [record.score(statistic) for record in by_seed],
-            [sum(scores) / len(scores) for scores in starts],
-        ),
+        sample=sample_of([record.score(statistic) for record in by_seed], _start_scores(by_seed, statistic)),
         seeds=tuple(record.seed for record in by_seed),
         diverged_seeds=tuple(record.seed for record in by_seed if record.status == "diverged"),
     )
+
+
+def _start_scores(records: Sequence[Record], statistic: Statistic) -> list[float]:
+    """The mean over seeds from each common start ``[K]``; empty where seeds differ in their numbers of starts."""
+    by_seed = [record.start_scores(statistic) for record in records]
+    if len(set(map(len, by_seed))) > 1:
+        return []
+    return [sum(scores) / len(scores) for scores in zip(*by_seed, strict=True)]
 
 
 def _failed_cells(
@@ -144,11 +148,7 @@ def _rows(cells: Mapping[str, Cells], rule: Rule, others: Mapping[str, Cells], c
 
 
 def _competing(row: Cells, rule: Rule) -> dict[Column, Sample]:
-    return {
-        column: cell.sample
-        for column, cell in row.items()
-        if cell.sample is not None and (rule.scope == "all" or column.kind == "observations")
-    }
+    return {column: cell.sample for column, cell in row.items() if cell.sample is not None and competes(column, rule)}
 
 
 def _blocks(rows: Sequence[Row], example: Mapping[str, Record]) -> tuple[Block, ...]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record, canonical_json
+from lfobench.render.conditions import fixed_fields
 from lfobench.render.table import Column
 
 
@@ -50,7 +51,13 @@ def arrange_columns(records: Sequence[Record], methods: Sequence[str] = ()) -> d
 
 
 def column_of_failure(failure: Failure, columns: Mapping[Column, Sequence[Record]]) -> Column | None:
-    """The column whose records were run as the failed run was, apart from task, seed and what follows the task."""
+    """The column whose records were run as the failed run was, apart from task, seed and what follows the task.
+
+    None too where the failed run's conditions are not those of its row: it tells of another table.
+    """
+    row = next((record for records in columns.values() for record in records if record.task == failure.task), None)
+    if row is None or fixed_fields(row) != fixed_fields(failure):
+        return None
     for column, records in columns.items():
         if any(_variant(failure) == _variant(record) for record in records):
             same_task = [record for record in records if record.task == failure.task]

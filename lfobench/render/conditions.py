@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record
 from lfobench.errors import UserError
 
@@ -34,7 +35,7 @@ def check_cell(records: Sequence[Record]) -> None:
     """
     first = records[0]
     for other in records[1:]:
-        for field, one, two in _differences(first.identity, other.identity):
+        for field, one, two in differing_leaves(first.identity, other.identity):
             if field != "seed":
                 raise UserError(
                     f"{first.method} on {first.task} was run with {field} = {one} and with {two}.",
@@ -47,6 +48,11 @@ def check_cell(records: Sequence[Record]) -> None:
             f"{first.method} on {first.task} has two records for seed {repeated}.",
             "Remove one of the copies: a run leaves exactly one record.",
         )
+
+
+def fixed_fields(record: Record | Failure) -> dict[str, Any]:
+    """The fields of an identity that a row holds fixed."""
+    return {field: value for field, value in record.identity.items() if field not in COLUMN_FIELDS}
 
 
 def _check_sources(records: Sequence[Record]) -> None:
@@ -77,7 +83,7 @@ def _check_tasks(records: Sequence[Record]) -> None:
     firsts: dict[str, Record] = {}
     for record in records:
         first = firsts.setdefault(record.task, record)
-        for field, one, two in _differences(_conditions(first), _conditions(record)):
+        for field, one, two in differing_leaves(_conditions(first), _conditions(record)):
             raise UserError(
                 f"On {record.task}, {first.method} was run with {field} = {one} and {record.method} with {two}.",
                 _WAYS_OUT.get(field, _SEPARATELY),
@@ -85,16 +91,17 @@ def _check_tasks(records: Sequence[Record]) -> None:
 
 
 def _conditions(record: Record) -> dict[str, Any]:
-    fixed = {field: value for field, value in record.identity.items() if field not in COLUMN_FIELDS}
     # Another processor's mathematics library can make other data from the same description.
-    return fixed | {"data_fingerprints": record.provenance.get("data_fingerprints", {})}
+    return fixed_fields(record) | {"data_fingerprints": record.provenance.get("data_fingerprints", {})}
 
 
-def _differences(one: Mapping[str, Any], two: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any, Any]]:
+def differing_leaves(
+    one: Mapping[str, Any], two: Mapping[str, Any], prefix: str = ""
+) -> Iterator[tuple[str, Any, Any]]:
     """Every leaf in which two nested mappings differ, as (dotted name, value, value)."""
     for field in sorted({*one, *two}):
         left, right = one.get(field), two.get(field)
         if isinstance(left, Mapping) and isinstance(right, Mapping):
-            yield from _differences(left, right, f"{prefix}{field}.")
+            yield from differing_leaves(left, right, f"{prefix}{field}.")
         elif left != right:
             yield f"{prefix}{field}", left, right

@@ -10,10 +10,11 @@ from lfobench.contract.statistic import Statistic
 from lfobench.render.cell_text import DIVERGED, FAILED, MISSING
 from lfobench.render.highlight_note import highlight_notes
 from lfobench.render.table import Column, Note, Table
+from lfobench.stats.comparison import PAIRED
 
 Columns = Mapping[Column, Sequence[Record]]
 
-_STATISTICS = {
+STATISTICS: dict[str, str] = {
     "last5": "mean of the last 5 evaluations",
     "last": "last evaluation",
     "best": "best evaluation, picked by the score it reports and therefore optimistic",
@@ -44,7 +45,7 @@ def footnote(table: Table, columns: Columns) -> tuple[Note, ...]:
 def _score(statistic: Statistic, records: Sequence[Record]) -> Note:
     text = (
         "normalised return, 100 · (return − random) / (expert − random); mean ± sample standard deviation "
-        f"over seeds. Each seed counts as the {_STATISTICS[statistic.name].format(step=statistic.step)}"
+        f"over seeds. Each seed counts as the {STATISTICS[statistic.name].format(step=statistic.step)}"
     )
     fewest = min((len(record.evaluations) for record in records if record.status == "finished"), default=5)
     if statistic.name == "last5" and fewest < 5:
@@ -97,7 +98,8 @@ def _simulator(records: Sequence[Record]) -> Note:
 
 def _precision(records: Sequence[Record]) -> Iterator[Note]:
     """Said where a record's products were not float32, as they are on a CPU unless asked otherwise."""
-    kinds = {str(record.provenance.get("device", {}).get("precision", "float32")) for record in records}
+    devices = [record.provenance.get("device") for record in records]
+    kinds = {str(device.get("precision", "float32")) if isinstance(device, dict) else "float32" for device in devices}
     if kinds != {"float32"}:
         yield Note("Precision", f"matrix products in {' and '.join(sorted(kinds))}.")
 
@@ -113,7 +115,8 @@ def _seeds(table: Table) -> Note:
         return Note("Seeds", f"n = {fewest} to {most} per cell, unequal. Fewer than {most}: {short}.")
     choices = {cell.seeds for _, _, cell in cells}
     which = f"seeds {', '.join(map(str, choices.pop()))}" if len(choices) == 1 else "different seeds per cell"
-    spread = "" if most > 1 else "; one seed has no standard deviation and cannot be tested"
+    untested = "" if table.rule.test in PAIRED else " and cannot be tested"
+    spread = "" if most > 1 else f"; one seed has no standard deviation{untested}"
     return Note("Seeds", f"n = {most} per cell ({which}){spread}.")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lfobench.render.cell_text import LOST
-from lfobench.render.table import HIGHLIGHT_NOTE, Note, Row, Table
+from lfobench.render.table import HIGHLIGHT_NOTE, Note, Row, Table, competes
 from lfobench.stats.comparison import PAIRED
 from lfobench.stats.feasibility import can_reach, smallest_p
 from lfobench.stats.names import Correction, Scope, Test
@@ -37,7 +37,7 @@ def highlight_notes(table: Table) -> Iterator[Note]:
         f"Correction for multiple comparisons: {CORRECTIONS[rule.correction]}"
     )
     for outcome, said in (
-        ("untested", "Not tested for want of a second seed, both highlighted"),
+        ("untested", f"Not tested for want of a second {_unit(rule.test)}, both highlighted"),
         ("unopposed", "Nothing to compare, nothing highlighted"),
     ):
         if concerned := [row for row in rows if row.outcome == outcome]:
@@ -57,6 +57,10 @@ def highlight_notes(table: Table) -> Iterator[Note]:
     yield from _infeasible(table)
 
 
+def _unit(test: Test) -> str:
+    return "start state" if test in PAIRED else "seed"
+
+
 def _where(concerned: Sequence[Row], rows: Sequence[Row]) -> str:
     return "every row" if len(concerned) == len(rows) else ", ".join(row.task for row in concerned)
 
@@ -64,22 +68,26 @@ def _where(concerned: Sequence[Row], rows: Sequence[Row]) -> str:
 def _infeasible(table: Table) -> Iterator[Note]:
     """Said where no result whatever could have been significant: silence would read as "no difference"."""
     rule = table.rule
-    tested = [row for _, row in table.rows() if row.p is not None]
-    if not tested:
+    tested = [_sizes(table, row) for _, row in table.rows() if row.p is not None]
+    if any(can_reach(rule.test, *sizes, rule.alpha, len(tested), rule.correction) for sizes in tested):
         return
-    sizes = _sizes(table)
-    if can_reach(rule.test, *sizes, rule.alpha, len(tested), rule.correction):
-        return
-    smallest = smallest_p(rule.test, *sizes)
-    yield Note(
-        "Design",
-        f"with {sizes[0]} {'start states' if rule.test in PAIRED else 'seeds'}, {TESTS[rule.test]} gives at best "
-        f"p = {smallest:.2g}, so no row could have come out significant. Use more, or another test.",
-    )
+    found = [(p, max(sizes)) for sizes in tested if (p := smallest_p(rule.test, *sizes)) is not None]
+    if found:
+        smallest, most = min(found)
+        times = f", times {len(tested)} under Holm" if rule.correction == "holm" and len(tested) > 1 else ""
+        yield Note(
+            "Design",
+            f"with {most} {_unit(rule.test)}s, {TESTS[rule.test]} gives at best p = {smallest:.2g}{times}, so no row "
+            "could have come out significant. Use more, or another test.",
+        )
 
 
-def _sizes(table: Table) -> tuple[int, int]:
-    """The two largest samples that any row could have compared."""
-    samples = [cell.sample for _, column, cell in table.cells() if column.run_here and cell is not None and cell.sample]
+def _sizes(table: Table, row: Row) -> tuple[int, int]:
+    """The two largest samples that the row could have compared."""
+    samples = [
+        cell.sample
+        for column, cell in zip(table.columns, row.cells, strict=True)
+        if cell is not None and cell.sample is not None and competes(column, table.rule)
+    ]
     sizes = sorted(len(sample.starts if table.rule.test in PAIRED else sample.seeds) for sample in samples)
     return sizes[-1], sizes[-2]

@@ -7,14 +7,20 @@ before the table to highlight differently.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
-from lfobench.render.cell_text import MISSING, cell_text
+from lfobench.render.cell_text import MISSING, CellText, cell_text
 from lfobench.render.table import Cell, Table, column_groups
 from lfobench.stats.names import Agreement
 
 _PREAMBLE = r"""% Needs \usepackage{booktabs} and \usepackage{xcolor}.
 \providecommand{\lfobenchbest}[1]{\textcolor{blue}{\boldmath#1}}
 """
+
+# The text of a page is 345 pt wide in the standard classes: six methods and the demonstration need the small one.
+_FEW_COLUMNS = 5
+_FEW = r"\footnotesize\setlength{\tabcolsep}{3pt}"
+_MANY = r"\scriptsize\setlength{\tabcolsep}{2pt}"
 
 _THIN_SPACE = r"\,"
 _AGREEMENTS: dict[Agreement, str] = {"matches": r"\approx", "differs": r"\neq", "undecided": "?"}
@@ -55,19 +61,20 @@ def latex(table: Table) -> str:
     rules = [rf"\cmidrule(lr){{{group.start + 2}-{group.stop + 1}}}" for group in groups]
     lines = [
         r"\begin{table}[t]",
-        r"\centering\footnotesize\setlength{\tabcolsep}{3pt}",
-        rf"\begin{{tabular}}{{l{alignment}}}",
+        rf"\centering{_MANY if len(table.columns) > _FEW_COLUMNS else _FEW}",
+        rf"\begin{{tabular}}{{@{{}}l{alignment}@{{}}}}",
         r"\toprule",
         _line(["", *spans]),
         " ".join(rules),
-        _line(["Task", *(escape(column.label) for column in table.columns)]),
+        # The demonstration's group has no other column, and its name is as wide as three numbers.
+        _line(["Task", *("" if column.kind == "expert" else escape(column.label) for column in table.columns)]),
     ]
-    std_digits = [_std_digits(table, index) for index in range(len(table.columns))]
+    slots = [_slots(table, index) for index in range(len(table.columns))]
     for block in table.blocks:
         # A heading above its rows, not a column beside them: six methods then fit the width of a page.
-        lines += [r"\midrule", rf"\multicolumn{{{len(table.columns) + 1}}}{{l}}{{{escape(block.label)}}} \\"]
+        lines += [r"\midrule", rf"\multicolumn{{{len(table.columns) + 1}}}{{@{{}}l}}{{{escape(block.label)}}} \\"]
         for row in block.rows:
-            cells = [_cell(cell, digits) for cell, digits in zip(row.cells, std_digits, strict=True)]
+            cells = [_cell(cell, slot) for cell, slot in zip(row.cells, slots, strict=True)]
             lines.append(_line([rf"\quad {escape(row.label)}", *cells]))
     lines += [r"\bottomrule", r"\end{tabular}", "", r"\medskip", r"\begin{minipage}{\linewidth}\footnotesize"]
     lines += [rf"\textbf{{{escape(note.label)}:}} {escape(note.text)}\par" for note in table.notes]
@@ -92,26 +99,54 @@ def _line(fields: list[str]) -> str:
     return rf"{' & '.join(fields)} \\"
 
 
-def _std_digits(table: Table, column: int) -> int:
-    cells = [row.cells[column] for _, row in table.rows()]
-    return max((len(cell_text(cell).std) for cell in cells if cell), default=0)
+@dataclass(frozen=True)
+class _Slots:
+    """What the cells of one column leave room for, so that right-aligned numbers align at the decimal point."""
+
+    std_digits: int
+    marks: str
 
 
-def _cell(cell: Cell | None, std_digits: int) -> str:
-    """One cell; phantoms and a mark of no width keep right-aligned numbers aligned at the decimal point."""
-    if cell is None:
-        return escape(MISSING)
-    text = cell_text(cell)
-    missing_digits = "0" * (std_digits - len(text.std))
-    padding = rf"\phantom{{{missing_digits}}}" if missing_digits else ""
-    spread = rf" \pm {padding}{text.std}" if text.std else ""
+def _slots(table: Table, column: int) -> _Slots:
+    cells = [cell for _, row in table.rows() if (cell := row.cells[column])]
+    std_digits = max((len(cell_text(cell).std) for cell in cells), default=0)
+    return _Slots(std_digits, max((_marks(cell) for cell in cells), key=_printed, default=""))
+
+
+def _cell(cell: Cell | None, slots: _Slots) -> str:
+    """One cell; phantoms stand for what other cells of its column have and this one lacks."""
+    text = cell_text(cell) if cell else CellText(MISSING)
+    spread, marks = _spread(text.std, slots.std_digits), _marks(cell) if cell else ""
+    # Marks of no width are followed by the room for the widest ones.
+    beside = marks if marks == slots.marks else rf"\rlap{{{marks}}}" * bool(marks) + _phantom(slots.marks)
+    if text.mean == MISSING:
+        # A dash is no minus sign. What stands behind it does not keep its distance.
+        return escape(MISSING) + beside + (f"${spread}$" if spread else "")
     number = f"${text.mean}{spread}$"
-    if cell.summary is None:
-        number = escape(MISSING)
-    if cell.highlighted:
-        number = rf"\lfobenchbest{{{number}}}"
+    return (rf"\lfobenchbest{{{number}}}" if cell and cell.highlighted else number) + beside
+
+
+def _spread(std: str, digits: int) -> str:
+    if std:
+        return rf" \pm {_phantom('0' * (digits - len(std)))}{std}"
+    return _phantom(rf"{{}} \pm {'0' * (digits - 2)}.0") if digits else ""
+
+
+def _phantom(text: str) -> str:
+    """The room that `text` takes, left empty."""
+    return rf"\phantom{{{text}}}" if text else ""
+
+
+def _marks(cell: Cell) -> str:
+    """The superscript behind a number."""
+    text = cell_text(cell)
     marks = [r"\dagger"] if text.lost else []
     marks += [rf"\times{text.diverged}"] if text.diverged else []
     marks += [f"!{text.failed}"] if text.failed else []
     marks += [_AGREEMENTS[cell.agreement]] if cell.agreement else []
-    return number + (rf"\rlap{{$^{{{_THIN_SPACE.join(marks)}}}$}}" if marks else "")
+    return f"$^{{{_THIN_SPACE.join(marks)}}}$" if marks else ""
+
+
+def _printed(marks: str) -> int:
+    """About how many characters are printed: a command is one of them."""
+    return len(re.sub(r"\\[a-z]+", "x", marks))

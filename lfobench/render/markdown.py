@@ -20,15 +20,15 @@ def markdown(table: Table) -> str:
     Markdown has no column groups, so methods with access to expert actions carry a mark instead.
     """
     headings = [
-        f"{_escape(column.label)}{f' {_KINDS[column.kind][0]}' if column.kind in _KINDS else ''}"
+        f"{escape(column.label)}{f' {_KINDS[column.kind][0]}' if column.kind in _KINDS else ''}"
         for column in table.columns
     ]
     lines = [_line(["Dataset", "Task", *headings]), _line([":--", ":--", *["--:"] * len(headings)])]
     for block in table.blocks:
         for index, row in enumerate(block.rows):
-            dataset = "" if index else _escape(block.label)
-            lines.append(_line([dataset, _escape(row.label), *(_cell(cell) for cell in row.cells)]))
-    notes = [f"- **{_escape(note.label)}**: {_escape(note.text)}" for note in table.notes]
+            dataset = "" if index else escape(block.label)
+            lines.append(_line([dataset, escape(row.label), *(_cell(cell) for cell in row.cells)]))
+    notes = [f"- **{escape(note.label)}**: {escape(note.text)}" for note in table.notes]
     kinds = {column.kind for column in table.columns}
     notes = [*(f"- {mark} {meaning}" for kind, (mark, meaning) in _KINDS.items() if kind in kinds), *notes]
     return "\n".join([*lines, "", *notes]) + "\n"
@@ -45,6 +45,6 @@ def _cell(cell: Cell | None) -> str:
     return f"**{text}**" if cell.highlighted else text
 
 
-def _escape(text: str) -> str:
+def escape(text: str) -> str:
     # A "<" before a blank opens no tag; leaving it alone keeps "p < 0.05" readable as source.
     return re.sub(r"([\\`*_\[\]>|~#&]|<(?! ))", r"\\\1", " ".join(text.split()))

@@ -43,6 +43,11 @@ class Column:
         return self.kind in ("actions", "observations")
 
 
+def competes(column: Column, rule: Rule) -> bool:
+    """Whether the highlight rule looks at the column."""
+    return column.run_here if rule.scope == "all" else column.kind == "observations"
+
+
 @dataclass(frozen=True)
 class Cell:
     """Normalised scores of one column on one task, over seeds.

@@ -45,7 +45,7 @@ def p_value(test: Test, first: Sample, second: Sample) -> float | None:
         one, two = _scores(test, first.starts), _scores(test, second.starts)
         if one.shape != two.shape:
             raise ValueError(f"'{test}' pairs start states, but one side has {one.size} and the other {two.size}.")
-        return None if one.size < 2 else _paired(test, one - two)
+        return None if one.size < 2 else _paired(test, one, two)
     one, two = _scores(test, first.seeds), _scores(test, second.seeds)
     if min(one.size, two.size) < 2:
         return None
@@ -92,13 +92,13 @@ def _t_test(first: Summary, second: Summary, *, equal_variances: bool) -> float 
     return float(result.pvalue)
 
 
-def _paired(test: Test, differences: NDArray[np.float64]) -> float:
+def _paired(test: Test, first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
     if test == "wilcoxon":
-        return permutation.signed_rank_test(differences)
+        return permutation.signed_rank_test(first, second)
     if test == "paired-permutation":
-        return permutation.sign_flip_test(differences)
+        return permutation.sign_flip_test(first, second)
     # Differences that share a mean but no spread: the same limit as in `welch_test`.
-    summary = summarize(differences.tolist())
+    summary = summarize((first - second).tolist())
     paired = welch_test(summary, Summary(2, 0.0, 0.0))
     assert paired is not None
     return paired

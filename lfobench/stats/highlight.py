@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Generic, Literal, TypeVar
 
 from lfobench.stats.comparison import p_value
@@ -54,7 +55,7 @@ class Highlight(Generic[Method]):
         best: the methods with the best mean; two or more where they tie.
         p: two-sided p-value of best against second best; None where there was no test.
         adjusted_p: `p` corrected for the rows tested: as the rule says, by Holm where it says none.
-        lost: whether `p` alone is below alpha and `adjusted_p` is not.
+        lost: whether one method is best, `p` alone is below alpha and `adjusted_p` is not.
     """
 
     methods: frozenset[Method]
@@ -67,64 +68,64 @@ class Highlight(Generic[Method]):
 
 @dataclass(frozen=True)
 class _Row(Generic[Method]):
-    """Best against second best: `p` per method that shares second place."""
+    """The best of a row, those that are level with them unless a correction or a test says otherwise, and its p."""
 
-    best: Method
-    level_with_best: frozenset[Method]
-    p: Mapping[Method, float | None]
-
-    @property
-    def largest(self) -> float | None:
-        """The p-value of the row; None where one that it needs is missing."""
-        values = [p for p in self.p.values() if p is not None]
-        return max(values) if values and len(values) == len(self.p) else None
+    best: frozenset[Method]
+    level: frozenset[Method]
+    p: float | None
 
 
 def highlights(rows: Sequence[Mapping[Method, Sample]], rule: Rule) -> list[Highlight[Method]]:
     """Highlights the rows of one table, given the samples of the methods in scope (higher is better).
 
     Methods that tie exactly for second best share that place and are all compared with the best (p is then
-    the largest of theirs), so the outcome does not depend on the order of the columns.
+    the largest of theirs). Methods that tie exactly for best are compared with each other (p is again the largest)
+    and none of them stands out, whatever a test of something else than the mean says. So the outcome does not
+    depend on the order of the columns.
 
     Raises:
         ValueError: the rule's test needs scores that a sample lacks.
     """
-    compared = [_compare(row, rule.test) for row in rows]
-    tested = [p for row in compared if row is not None and (p := row.largest) is not None]
+    compared = [_compare(row, rule) for row in rows]
+    tested = [row.p for row in compared if row is not None and row.p is not None]
     corrected = iter(adjusted(tested, rule.correction))
     by_holm = iter(adjusted(tested, "holm" if rule.correction == "none" else rule.correction))
     return [
         Highlight(frozenset(), "unopposed", frozenset(row), None, None, False)
         if row_compared is None
-        else _untested(row_compared)
-        if row_compared.largest is None
-        else _decide(row_compared, row_compared.largest, next(corrected), next(by_holm), rule)
+        else Highlight(row_compared.level, "untested", row_compared.best, None, None, False)
+        if row_compared.p is None
+        else _decide(row_compared, row_compared.p, next(corrected), next(by_holm), rule.alpha)
         for row, row_compared in zip(rows, compared, strict=True)
     ]
 
 
-def _compare(row: Mapping[Method, Sample], test: Test) -> _Row[Method] | None:
+def _compare(row: Mapping[Method, Sample], rule: Rule) -> _Row[Method] | None:
     if len(row) < 2:
         return None
     means = {method: sample.summary.mean for method, sample in row.items()}
-    best = max(row, key=lambda method: means[method])
-    second = max(mean for method, mean in means.items() if method != best)
-    p = {
-        method: p_value(test, row[best], sample)
-        for method, sample in row.items()
-        if method != best and means[method] == second
-    }
-    return _Row(best, frozenset(method for method, mean in means.items() if mean == means[best]), p)
-
-
-def _untested(row: _Row[Method]) -> Highlight[Method]:
-    return Highlight(frozenset({row.best, *row.p}), "untested", row.level_with_best, None, None, False)
-
-
-def _decide(row: _Row[Method], p: float, corrected: float, adjusted_p: float, rule: Rule) -> Highlight[Method]:
-    lost = p < rule.alpha <= adjusted_p
-    if corrected < rule.alpha:
-        return Highlight(frozenset({row.best}), "better", row.level_with_best, p, adjusted_p, lost)
+    first, *others = sorted(row, key=lambda method: -means[method])
+    best = [method for method in row if means[method] == means[first]]
+    if len(best) > 1:
+        among = [p_value(rule.test, row[one], row[two]) for one, two in combinations(best, 2)]
+        return _Row(frozenset(best), frozenset(best), _largest(among))
+    seconds = [method for method in row if means[method] == means[others[0]]]
+    against = [p_value(rule.test, row[first], row[method]) for method in seconds]
+    largest = _largest(against)
     # Several may share second place and only some of them be level with the best.
-    level = {method for method, value in row.p.items() if value is not None and value >= rule.alpha} or set(row.p)
-    return Highlight(frozenset({row.best, *level}), "undecided", row.level_with_best, p, adjusted_p, lost)
+    level = {method for method, p in zip(seconds, against, strict=True) if p is not None and p >= rule.alpha}
+    return _Row(frozenset(best), frozenset({first, *(level if level and largest is not None else seconds)}), largest)
+
+
+def _largest(p_values: Sequence[float | None]) -> float | None:
+    """None where one is missing."""
+    known = [p for p in p_values if p is not None]
+    return max(known) if len(known) == len(p_values) else None
+
+
+def _decide(row: _Row[Method], p: float, corrected: float, adjusted_p: float, alpha: float) -> Highlight[Method]:
+    alone = len(row.best) == 1
+    lost = alone and p < alpha <= adjusted_p
+    if alone and corrected < alpha:
+        return Highlight(row.best, "better", row.best, p, adjusted_p, lost)
+    return Highlight(row.level, "undecided", row.best, p, adjusted_p, lost)

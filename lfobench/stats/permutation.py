@@ -24,12 +24,16 @@ EXACT_RELABELLINGS = 200_000
 RANDOM_RELABELLINGS = 100_000
 """Beyond, this many are drawn, with a fixed seed: the same data give the same p."""
 
-# Sums of the same numbers in another order differ in their last digits; such ties count as ties.
+# Numbers that are equal but for rounding count as ties: in units of the largest score, because it is the scores
+# that are rounded, however close together they lie.
 _TIE = 1e-12
 
 
 def permutation_test(first: Vector, second: Vector) -> float:
-    """Two-sided p-value that ``[n]`` and ``[m]`` are exchangeable, by the difference of their means."""
+    """Two-sided p-value that ``[n]`` and ``[m]`` are exchangeable, by the size of the difference of their means.
+
+    Both tails are counted; SciPy doubles the smaller one, which is the same where n and m are equal.
+    """
     return _relabelled(np.concatenate([first, second]), len(first))
 
 
@@ -46,51 +50,69 @@ def rank_sum_test(first: Vector, second: Vector) -> float:
     return _relabelled(rankdata(np.concatenate([first, second])), len(first))
 
 
-def sign_flip_test(differences: Vector) -> float:
-    """Two-sided p-value that paired differences ``[K]`` are symmetric about 0, by their sum."""
-    return _flipped(differences)
+def sign_flip_test(first: Vector, second: Vector) -> float:
+    """Two-sided p-value that the differences of ``[K]`` pairs are symmetric about 0, by their sum."""
+    return _flipped(first - second, _tie(first, second))
 
 
-def signed_rank_test(differences: Vector) -> float:
-    """Wilcoxon's two-sided signed-rank p-value of paired differences ``[K]``; pairs that tie are left out.
+def signed_rank_test(first: Vector, second: Vector) -> float:
+    """Wilcoxon's two-sided signed-rank p-value of ``[K]`` pairs; pairs that tie are left out.
 
     Exact, ties included, while all sign patterns can be listed; the normal approximation beyond.
     """
     from scipy.stats import rankdata, wilcoxon
 
-    nonzero = differences[differences != 0]
+    differences, tie = first - second, _tie(first, second)
+    nonzero = differences[np.abs(differences) > tie]
     if not len(nonzero):
         return 1.0
+    signed = np.sign(nonzero) * _levels(np.abs(nonzero), tie)
     if 2 ** len(nonzero) > EXACT_RELABELLINGS:
-        return float(wilcoxon(nonzero, method="approx").pvalue)
-    return _flipped(np.sign(nonzero) * rankdata(np.abs(nonzero)))
+        return float(wilcoxon(signed, method="approx").pvalue)
+    ranks = np.sign(signed) * rankdata(np.abs(signed))
+    return _flipped(ranks, _tie(ranks))
+
+
+def _tie(*scores: Vector) -> float:
+    """The largest difference that is none, between sums of these scores."""
+    return _TIE * max(float(np.abs(values).max()) for values in scores)
+
+
+def _levels(magnitudes: Vector, tie: float) -> Vector:
+    """Whole numbers from 1 in the order of `magnitudes` ``[K]``, equal for those that tie."""
+    order = np.argsort(magnitudes)
+    levels = np.empty(len(magnitudes))
+    levels[order] = 1 + np.cumsum(np.diff(magnitudes[order], prepend=magnitudes[order[0]]) > tie)
+    return levels
 
 
 def _relabelled(values: Vector, n: int) -> float:
     # Of the difference of means only the first group's sum varies, about n times the overall mean.
     centred = values - values.mean()
+    observed = abs(centred[:n].sum())
+    # The second group's sum is the same but for its sign. Sorted, random relabellings do not depend on the order of
+    # the seeds and of the sides either.
+    centred, smaller = np.sort(centred), min(n, len(values) - n)
     if comb(len(values), n) <= EXACT_RELABELLINGS:
-        sums = centred[_groups(len(values), n)].sum(axis=1)
-        return _share(np.abs(sums), abs(centred[:n].sum()), np.abs(centred).max(), 0)
+        sums = centred[_groups(len(values), smaller)].sum(axis=1)
+        return _share(np.abs(sums), observed, _tie(values), 0)
     generator = np.random.default_rng(0)
-    orders = np.argsort(generator.random((RANDOM_RELABELLINGS, len(values))), axis=1)[:, :n]
-    return _share(np.abs(centred[orders].sum(axis=1)), abs(centred[:n].sum()), np.abs(centred).max(), 1)
+    orders = np.argsort(generator.random((RANDOM_RELABELLINGS, len(values))), axis=1)[:, :smaller]
+    return _share(np.abs(centred[orders].sum(axis=1)), observed, _tie(values), 1)
 
 
-def _flipped(differences: Vector) -> float:
+def _flipped(differences: Vector, tie: float) -> float:
     count = len(differences)
     if 2**count <= EXACT_RELABELLINGS:
         signs, extra = _sign_patterns(count), 0
     else:
         signs, extra = np.random.default_rng(0).choice([-1.0, 1.0], size=(RANDOM_RELABELLINGS, count)), 1
-    return _share(np.abs(signs @ differences), abs(differences.sum()), np.abs(differences).max(), extra)
+    return _share(np.abs(signs @ differences), abs(differences.sum()), tie, extra)
 
 
-def _share(statistics: Vector, observed: float, unit: float, extra: int) -> float:
+def _share(statistics: Vector, observed: float, tie: float, extra: int) -> float:
     """Share of relabellings at least as far out as the observed one, itself counted `extra` times more."""
-    if unit == 0.0:
-        return 1.0
-    return float((np.count_nonzero(statistics >= observed - _TIE * unit) + extra) / (len(statistics) + extra))
+    return float((np.count_nonzero(statistics >= observed - tie) + extra) / (len(statistics) + extra))
 
 
 @lru_cache(maxsize=8)

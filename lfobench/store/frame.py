@@ -164,4 +164,4 @@ def _lengths(parts: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
 
 
 def _joined(parts: Sequence[NDArray[Any]], kind: type[np.int64] | type[np.float64]) -> NDArray[Any]:
-    return np.concatenate([np.empty(0, kind), *parts]).astype(kind, copy=False)
+    return np.asarray(np.concatenate([np.empty(0, kind), *parts]), dtype=kind)

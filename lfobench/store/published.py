@@ -32,8 +32,8 @@ def read_publication(name_or_path: str) -> Publication:
     path = Path(name_or_path)
     try:
         present, folder = path.exists(), path.is_dir()
-    except (OSError, ValueError) as error:
-        raise UserError(f"Cannot read {name_or_path!r}: {error}.", f"Give {_WHAT}.") from error
+    except OSError as error:
+        raise UserError(f"Cannot read {path}: {error.strerror}.", f"Give {_WHAT}.") from error
     if folder:
         raise UserError(f"{path} is a folder.", f"Give {_WHAT}.")
     if present:

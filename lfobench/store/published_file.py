@@ -144,6 +144,12 @@ def _records(path: Path) -> list[tuple[int, list[str]]]:
         raise UserError(f"{path}, line {reader.line_num}: not CSV: {error}.", _SAVE) from error
     except OSError as error:
         raise UserError(f"Cannot read {path}: {error.strerror}.", "Give a file that you may read.") from error
+    for number, fields in records:
+        # An escape sequence in a name would act on the terminal that shows it.
+        if unprintable := next((field for field in fields if not field.isprintable()), None):
+            raise UserError(
+                f"{path}, line {number}: {unprintable!r} has a character that cannot be printed.", "Remove it."
+            )
     if not records:
         raise UserError(f"{path} is empty.", f"It needs {HEADERS}.")
     if len(records) == 1:

@@ -24,6 +24,7 @@ from torch import Tensor
 
 from lfobench.contract.method import Batch, Metrics, Shapes, State
 from lfobench.contract.randomness import StepRandomness
+from lfobench.contract.statistic import Statistic
 from lfobench.engine import training
 from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance
@@ -56,7 +57,7 @@ def test_evaluation_beside_training_changes_no_record(name: str, tmp_path: Path,
     assert [event.done for event in advances] == sorted(event.done for event in advances)
     assert advances[-1].done == advances[-1].total
     last = records_of(beside)
-    assert advances[-1].score == pytest.approx(sum(record.score("last") for record in last) / len(last))
+    assert advances[-1].score == pytest.approx(sum(record.score(Statistic("last")) for record in last) / len(last))
     assert [event.run for event in events if isinstance(event, Recorded)] == [run.label for run in beside.runs]
     assert all(record.provenance["seconds"]["evaluate"] > 0.0 for record in last)
 

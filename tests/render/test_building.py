@@ -6,9 +6,11 @@ from collections.abc import Callable
 import pytest
 
 from lfobench.contract.record import Evaluation, Record
+from lfobench.contract.statistic import parse_statistic
 from lfobench.errors import UserError
 from lfobench.render.building import build_table
 from lfobench.render.table import Cell, Table, column_groups
+from lfobench.stats.highlight import Rule
 
 
 def cell(table: Table, row: str, column: str) -> Cell | None:
@@ -76,11 +78,16 @@ def test_the_statistic_chooses_the_number(make_record: Callable[..., Record]) ->
         }
     )
     means = {}
-    for statistic in ("last5", "last", "best"):
-        found = cell(build_table([record], statistic), "hopper", "dilo")  # type: ignore[arg-type]
-        assert found is not None
+    for statistic in ("last5", "last", "best", "at:1"):
+        found = cell(build_table([record], parse_statistic(statistic)), "hopper", "dilo")
+        assert found is not None and found.summary is not None
         means[statistic] = found.summary.mean
-    assert means == {"last5": pytest.approx(30.0), "last": pytest.approx(50.0), "best": pytest.approx(99.0)}
+    assert means == {
+        "last5": pytest.approx(30.0),
+        "last": pytest.approx(50.0),
+        "best": pytest.approx(99.0),
+        "at:1": pytest.approx(10.0),
+    }
 
 
 def test_highlights_only_among_methods_without_expert_actions(make_cell: Callable[..., list[Record]]) -> None:
@@ -91,7 +98,7 @@ def test_highlights_only_among_methods_without_expert_actions(make_cell: Callabl
     )
     highlighted = {column.label for _, column, found in table.cells() if found and found.highlighted}
     assert highlighted == {"dilo"}
-    assert next(row for _, row in table.rows()).verdict == "better"
+    assert next(row for _, row in table.rows()).outcome == "better"
 
 
 def test_alpha_is_the_level_of_the_test(make_cell: Callable[..., list[Record]]) -> None:
@@ -99,7 +106,7 @@ def test_alpha_is_the_level_of_the_test(make_cell: Callable[..., list[Record]]) 
     p = next(row.p for _, row in build_table(records).rows())
     assert p is not None
     for alpha, expected in ((p * 1.01, {"dilo"}), (p * 0.99, {"dilo", "oril"})):
-        table = build_table(records, alpha=alpha)
+        table = build_table(records, rule=Rule(alpha=alpha))
         assert {column.label for _, column, found in table.cells() if found and found.highlighted} == expected
 
 
@@ -107,7 +114,7 @@ def test_a_single_seed_has_a_table_without_spread(make_record: Callable[..., Rec
     table = build_table([make_record(90.0, "dilo"), make_record(20.0, "oril")])
     found = cell(table, "hopper", "dilo")
     assert found is not None and found.summary.std is None
-    assert next(row for _, row in table.rows()).verdict == "undecided"
+    assert next(row for _, row in table.rows()).outcome == "untested"
 
 
 def test_a_missing_cell_is_none(example: list[Record]) -> None:

@@ -22,25 +22,36 @@ def test_one_line_per_cell(example: list[Record]) -> None:
     assert len(found) == 4 * 5
     first = next(line for line in found if line["method"] == "smodice")
     assert tuple(first) == FIELDS
-    assert first | {"mean": "", "std": "", "p": ""} == {
+    assert first | dict.fromkeys(("mean", "std", "p", "adjusted_p", "scores"), "") == {
         "group": "random+expert",
         "row": "hopper",
         "task": "hopper-random-expert",
         "column": "smodice",
         "method": "smodice",
         "preset": "released",
-        "sees_expert_actions": "0",
+        "column_group": "observations",
         "n": "3",
         "mean": "",
         "std": "",
         "highlighted": "1",
+        "lost_under_correction": "0",
+        "outcome": "undecided",
         "p": "",
+        "adjusted_p": "",
+        "scores": "",
         "seeds": "0 1 2",
         "diverged_seeds": "0",
+        "failed_seeds": "",
+        "agreement": "",
         "statistic": "last5",
+        "test": "welch",
+        "scope": "group",
+        "correction": "none",
+        "alpha": "0.05",
         "source": "generated",
         "protocol": "paper",
     }
+    assert first["scores"] == "0.0 100.6 99.1"
     assert float(first["mean"]) == pytest.approx((0 + 100.6 + 99.1) / 3)
 
 
@@ -71,4 +82,4 @@ def test_names_with_commas_and_quotes(make_record: Callable[..., Record]) -> Non
 def test_an_unknown_format_names_the_closest() -> None:
     with pytest.raises(UserError, match=r"Unknown format 'markdwon'.*'markdown'"):
         export(None, "markdwon")  # type: ignore[arg-type]
-    assert set(FORMATS) == {"markdown", "latex", "csv"}
+    assert set(FORMATS) == {"markdown", "latex", "csv", "json"}

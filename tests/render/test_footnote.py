@@ -3,6 +3,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lfobench.contract.record import Record, Warning
+from lfobench.contract.statistic import parse_statistic
 from lfobench.render.building import build_table
 
 
@@ -74,7 +75,7 @@ def test_unequal_seeds_are_said(make_record: Callable[..., Record]) -> None:
 def test_one_seed_is_said_to_be_untestable(make_record: Callable[..., Record]) -> None:
     text = notes([make_record(9.0, "dilo"), make_record(1.0, "oril")])
     assert "cannot be tested" in text["Seeds"]
-    assert "Undecided for want of a second seed, both highlighted: every row" in text["Highlighted"]
+    assert "Not tested for want of a second seed, both highlighted: every row" in text["Highlighted"]
 
 
 def test_a_method_alone_is_said_to_have_no_rival(make_cell: Callable[..., list[Record]]) -> None:
@@ -82,13 +83,13 @@ def test_a_method_alone_is_said_to_have_no_rival(make_cell: Callable[..., list[R
 
 
 def test_the_statistic_is_named_and_best_is_called_optimistic(make_cell: Callable[..., list[Record]]) -> None:
-    assert "last evaluation" in notes(make_cell([1.0]), statistic="last")["Score"]
-    assert "optimistic" in notes(make_cell([1.0]), statistic="best")["Score"]
+    assert "last evaluation" in notes(make_cell([1.0]), statistic=parse_statistic("last"))["Score"]
+    assert "optimistic" in notes(make_cell([1.0]), statistic=parse_statistic("best"))["Score"]
 
 
 def test_fewer_than_five_evaluations_are_said(make_cell: Callable[..., list[Record]]) -> None:
     assert "the shortest has 2" in notes(make_cell([1.0, 2.0], evaluations=2))["Score"]
-    assert "shortest" not in notes(make_cell([1.0, 2.0], evaluations=2), statistic="last")["Score"]
+    assert "shortest" not in notes(make_cell([1.0, 2.0], evaluations=2), statistic=parse_statistic("last"))["Score"]
 
 
 def test_presets_are_named_per_method(make_record: Callable[..., Record]) -> None:

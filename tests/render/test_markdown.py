@@ -7,7 +7,7 @@ from lfobench.render.building import build_table
 from lfobench.render.formats import export
 
 EXAMPLE = """\
-| Dataset | Task | bc-expert † | bc † | oril | smodice | dilo |
+| Dataset | Task | bc-expert § | bc § | oril | smodice | dilo |
 | :-- | :-- | --: | --: | --: | --: | --: |
 | random+expert | hopper | 4.4 ± 0.6 | 45.3 ± 4.5 | 55.0 ± 22.9 | **66.6 ± 57.7 ✗1** | **100.9 ± 2.7** |
 |  | halfcheetah | 4.4 ± 0.6 | 45.3 ± 4.5 | 55.0 ± 22.9 | **99.9 ± 0.8** | **100.9 ± 2.7** |
@@ -19,12 +19,12 @@ EXAMPLE = """\
 def test_example(example: list[Record]) -> None:
     table, _, notes = export(build_table(example), "markdown").partition("\n\n")
     assert f"{table}\n" == EXAMPLE
-    assert notes.startswith("- † has access to expert actions\n- **Score**: normalised return")
+    assert notes.startswith("- § has access to expert actions\n- **Score**: normalised return")
     assert "gives p < 0.05." in notes
 
 
-def test_the_dagger_is_explained_only_where_it_is_used(make_record: Callable[..., Record]) -> None:
-    assert "†" not in export(build_table([make_record(1.0)]), "markdown")
+def test_the_mark_is_explained_only_where_it_is_used(make_record: Callable[..., Record]) -> None:
+    assert "§" not in export(build_table([make_record(1.0)]), "markdown")
 
 
 def test_names_cannot_break_the_table(make_record: Callable[..., Record]) -> None:

@@ -1,0 +1,143 @@
+"""``lfobench compare``: two methods of one folder, or two folders as a regression gate."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lfobench.cli import options, selection
+from lfobench.cli.console import output
+from lfobench.cli.inputs import warn
+
+if TYPE_CHECKING:
+    from lfobench.contract.statistic import Statistic
+    from lfobench.render.pairing import Pairing
+
+Correction = Annotated[
+    str,
+    typer.Option(
+        help="For the number of cells compared: none, holm or bh. Holm, because a gate over many cells would otherwise "
+        "raise false alarms."
+    ),
+]
+
+
+def compare(
+    first: Annotated[str, typer.Argument(metavar="A", help="A method among the records of --out, or a folder.")],
+    second: Annotated[str, typer.Argument(metavar="B", help="Another method, or the folder to judge against A.")],
+    out: options.Out = options.DEFAULT_OUT,
+    allow: Annotated[
+        list[str] | None,
+        typer.Option(help="Condition in which two folders may differ, e.g. simulator or protocol.steps; repeatable."),
+    ] = None,
+    statistic: selection.StatisticName = "last5",
+    test: Annotated[
+        str,
+        typer.Option(
+            help="welch, student, mann-whitney, permutation (over seeds); paired-t, wilcoxon, paired-permutation "
+            "(over common start states)."
+        ),
+    ] = "welch",
+    correction: Correction = "holm",
+    alpha: selection.Alpha = 0.05,
+    suite: selection.SuiteFilter = None,
+    protocol: selection.ProtocolFilter = None,
+    steps: selection.StepsFilter = None,
+    source: selection.SourceFilter = None,
+    preset: selection.PresetFilter = None,
+    as_json: options.Json = False,
+) -> None:
+    """Better, worse or undecided, task by task: method A against B, or folder B against A.
+
+    Two folders are a regression gate: exit code 1 says that B is worse on some cell.
+
+    Versions and configurations of two folders may differ, and are listed; conditions only with --allow.
+
+    A cell that only A has cannot be judged: it is a warning.
+
+    Example: lfobench compare dilo smodice --out runs
+
+    Example: lfobench compare runs-before runs-after --json
+    """
+    from lfobench.contract.statistic import parse_statistic
+    from lfobench.render.contrast import compare as judge
+    from lfobench.render.contrast import warnings_of
+    from lfobench.render.json_contrast import json_contrast
+    from lfobench.render.terminal_contrast import terminal
+
+    rule = selection.make_rule(test, "all", correction, alpha)
+    counted = parse_statistic(statistic)
+    filters = (suite, protocol, steps, source, preset)
+    if _are_folders(first, second):
+        pairing = _folders(first, second, filters, counted, allow or [])
+    else:
+        pairing = _methods(first, second, out, filters, counted, allow or [])
+    compared = judge(pairing, rule, counted)
+    warn(warnings_of(compared))
+    if as_json:
+        output.out(json_contrast(compared), end="", highlight=False)
+    else:
+        output.print(terminal(compared))
+    if compared.regressed:
+        raise typer.Exit(1)
+
+
+_Filters = tuple[str | None, str | None, int | None, str | None, str | None]
+
+
+def _are_folders(first: str, second: str) -> bool:
+    """Whether both names are folders; refuses one folder, and what can only be a folder and is not there."""
+    from lfobench.errors import UserError
+
+    folders = [_is_folder(name) for name in (first, second)]
+    if all(folders):
+        return True
+    if not any(folders) and os.sep not in first + second:
+        return False
+    missing = [name for name, there in zip((first, second), folders, strict=True) if not there]
+    raise UserError(
+        f"'{missing[0]}' is no folder"
+        + (f", and '{second if missing[0] == first else first}' is one." if any(folders) else "."),
+        "Name two folders of records, or two methods of the folder that --out names.",
+    )
+
+
+def _is_folder(name: str) -> bool:
+    try:
+        return Path(name).is_dir()
+    except OSError:
+        return False
+
+
+def _methods(first: str, second: str, out: Path, filters: _Filters, statistic: Statistic, allow: list[str]) -> Pairing:
+    from lfobench.errors import UserError
+    from lfobench.render.pairing import pair_methods
+
+    if allow:
+        raise UserError(
+            "--allow is for two folders: methods of one folder are compared under the same conditions.",
+            "Leave it out, or put their records into two folders.",
+        )
+    chosen = selection.select_records(out, *filters)
+    if not chosen.records:
+        raise UserError(f"{out} holds no records.", "Run 'lfobench run' first, or name another folder with --out.")
+    return pair_methods(chosen.records, chosen.failures, first, second, statistic, chosen.tasks)
+
+
+def _folders(first: str, second: str, filters: _Filters, statistic: Statistic, allow: list[str]) -> Pairing:
+    from lfobench.errors import UserError
+    from lfobench.render.pairing import pair_folders
+    from lfobench.render.sides import Side
+
+    sides, tasks = [], dict[str, None]()
+    for name, heading in ((first, "A"), (second, "B")):
+        chosen = selection.select_records(Path(name), *filters)
+        if not chosen.records:
+            raise UserError(f"{name} holds no records.", "Name a folder that 'lfobench run' has written.")
+        sides.append(Side(name, heading, chosen.records, chosen.failures))
+        tasks |= dict.fromkeys(chosen.tasks)
+    reference, subject = sides
+    return pair_folders(reference, subject, statistic, list(tasks), allow)

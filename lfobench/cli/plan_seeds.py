@@ -1,0 +1,60 @@
+"""``lfobench plan``: from pilot records to seeds, to what they can show, to hours."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from lfobench.cli import options, selection
+from lfobench.cli.console import output
+
+
+def plan(
+    out: options.Out = options.DEFAULT_OUT,
+    effect: Annotated[float, typer.Option(help="Difference of two means that must not be missed, in points.")] = 10.0,
+    power: Annotated[float, typer.Option(help="Probability of seeing it, if it is there.")] = 0.8,
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds per method and task, as you would plan them.")] = 5,
+    methods: Annotated[
+        str | None,
+        typer.Option(help="Comma-separated methods to choose the best two from, per task. Default: --scope."),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Jobs at once, as fast as the pilot's.")] = 1,
+    statistic: selection.StatisticName = "last5",
+    test: Annotated[
+        str, typer.Option(help="As in 'lfobench table'; numbers of seeds are Welch's whatever it is.")
+    ] = "welch",
+    scope: selection.ScopeName = "group",
+    correction: Annotated[str, typer.Option(help="For the number of tasks: none, holm or bh.")] = "holm",
+    alpha: selection.Alpha = 0.05,
+    suite: selection.SuiteFilter = None,
+    protocol: selection.ProtocolFilter = None,
+    steps: selection.StepsFilter = None,
+    source: selection.SourceFilter = None,
+    preset: selection.PresetFilter = None,
+    as_json: options.Json = False,
+) -> None:
+    """Seeds that a comparison needs, from the spread of a pilot: what N seeds can show, and the hours that they take.
+
+    Example: lfobench plan --out runs --effect 10 --seeds 5 --methods dilo,smodice
+    """
+    from lfobench.contract.statistic import parse_statistic
+    from lfobench.errors import UserError
+    from lfobench.render.json_planning import json_planning
+    from lfobench.render.pilot import read_pilot
+    from lfobench.render.planning import plan_seeds
+    from lfobench.render.terminal_planning import terminal
+    from lfobench.stats.planning import Design
+
+    rule = selection.make_rule(test, scope, correction, alpha)
+    counted = parse_statistic(statistic)
+    chosen = selection.select_records(out, suite, protocol, steps, source, preset, methods)
+    if not chosen.records:
+        raise UserError(f"{out} holds no records.", "Run two seeds of two methods first: they are the pilot.")
+    # Whoever is named competes, with or without expert actions.
+    pilot = read_pilot(chosen.records, counted, "all" if methods else rule.scope, chosen.tasks)
+    planned = plan_seeds(pilot, Design(effect, power, rule.alpha, rule.test, rule.correction, seeds), workers)
+    if as_json:
+        output.out(json_planning(planned), end="", highlight=False)
+    else:
+        output.print(terminal(planned))

@@ -1,0 +1,1 @@
+"""Figures of a table: what is drawn, and nothing about files."""

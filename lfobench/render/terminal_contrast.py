@@ -1,0 +1,173 @@
+"""A comparison on a terminal: counts first, then every cell under its verdict, then what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.text import Text
+
+from lfobench.render.cell_text import DIVERGED, FAILED, cell_text
+from lfobench.render.contrast import VERDICTS, Compared, Verdict, blind_because, summary
+from lfobench.render.differing import Difference, shortened
+from lfobench.render.highlight_note import CORRECTIONS, TESTS
+from lfobench.render.layout import Section, aligned, wrapped
+from lfobench.render.pairing import CellName, Pairing, name_of
+from lfobench.render.table import Cell, Note
+from lfobench.stats.comparison import PAIRED
+from lfobench.stats.contrast import Aggregate
+from lfobench.stats.intervals import Interval
+
+_STYLES: dict[Verdict, str] = {"worse": "bold red", "better": "bold green"}
+_REASONS: dict[Verdict, str] = {
+    "untested": ", for want of a second {unit} on both sides",
+    "identical": ": the same runs, bit for bit, so there is nothing to test",
+}
+
+
+def terminal(compared: Compared) -> RenderableType:
+    """What ``Console.print`` draws a comparison from."""
+    return _Terminal(compared)
+
+
+class _Terminal:
+    def __init__(self, compared: Compared) -> None:
+        self.compared = compared
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        compared = self.compared
+        pairing = compared.pairing
+        if pairing.kind == "folders":
+            for side in (pairing.reference, pairing.subject):
+                yield Text(f"{side.heading}  {side.name}")
+        yield Text(summary(compared), "bold")
+        yield Text()
+        yield from aligned(_columns(compared), list(_sections(compared)), options.max_width)
+        yield Text()
+        yield from wrapped(list(contrast_notes(compared)), options.max_width)
+
+
+def _sides(compared: Compared) -> tuple[Literal["subject", "reference"], ...]:
+    """In the order in which the user named them."""
+    return ("subject", "reference") if compared.pairing.kind == "methods" else ("reference", "subject")
+
+
+def _columns(compared: Compared) -> list[str]:
+    rule = compared.rule
+    headings = [getattr(compared.pairing, side).heading for side in _sides(compared)]
+    corrected = [] if rule.correction == "none" else [f"p, {CORRECTIONS[rule.correction]}"]
+    return ["n", *headings, f"difference [{100.0 * (1.0 - rule.alpha):.4g}% interval]", "p", *corrected]
+
+
+def _sections(compared: Compared) -> Iterator[Section]:
+    unit = "start state" if compared.rule.test in PAIRED else "seed"
+    for verdict in VERDICTS:
+        if cells := compared.having(verdict):
+            reason = _REASONS.get(verdict, "").format(unit=unit)
+            yield Section(
+                f"{verdict} ({len(cells)}){reason}",
+                _STYLES.get(verdict, "bold"),
+                [_row(compared, cell) for cell in cells],
+            )
+
+
+def _row(compared: Compared, name: CellName) -> list[str]:
+    pair, judged = compared.pairing.pairs[name], compared.contrast.cells.get(name)
+    cells: list[Cell] = [getattr(pair, side) for side in _sides(compared)]
+    sizes = [str(len(cell.seeds)) for cell in cells]
+    corrected = [] if compared.rule.correction == "none" else [_p(judged.adjusted_p if judged else None)]
+    return [
+        name_of(name),
+        sizes[0] if sizes[0] == sizes[1] else ", ".join(sizes),
+        *(str(cell_text(cell)) for cell in cells),
+        f"{judged.difference:+z.1f}{_ends(judged.interval, '+z.1f')}" if judged else "0",
+        _p(judged.p if judged else None),
+        *corrected,
+    ]
+
+
+def _p(value: float | None) -> str:
+    return "–" if value is None else "<0.0001" if value < 1e-4 else f"{value:.2g}"
+
+
+def contrast_notes(compared: Compared) -> Iterator[Note]:
+    """Everything that a reader must know to judge the verdicts."""
+    pairing, rule, tested = compared.pairing, compared.rule, len(compared.contrast.tested)
+    subject, reference = pairing.subject.heading, pairing.reference.heading
+    if compared.contrast.aggregate is not None:
+        yield Note("Together", _aggregated(compared.contrast.aggregate, pairing))
+    corrected = ""
+    if tested > 1 and rule.correction == "none":
+        corrected = (
+            f", not corrected: of {tested} {pairing.unit}s without a difference, {tested * rule.alpha:.2g} are "
+            "expected to come out better or worse"
+        )
+    elif tested > 1:
+        corrected = (
+            f", corrected by {CORRECTIONS[rule.correction]} over the {tested} {pairing.unit}s tested; uncorrected, "
+            "each of them is one more chance of a false alarm"
+        )
+    yield Note(
+        "Verdicts",
+        f"{subject} against {reference} by {TESTS[rule.test]}: better or worse where p < {rule.alpha:g}{corrected}. "
+        f"Intervals of a difference are Welch's, of each {pairing.unit} alone.",
+    )
+    if rule.test in PAIRED:
+        yield Note("Pairs", "the test speaks of other starts of these trained policies, not of other training seeds.")
+    if blind := blind_because(compared):
+        yield Note("Design", f"this comparison cannot find anything: {blind}. Use more, or another test.")
+    yield from _folder_notes(compared)
+    yield from pairing.notes
+    cells = [cell for pair in pairing.pairs.values() for cell in (pair.subject, pair.reference)]
+    if any(cell.diverged_seeds or cell.failed_seeds for cell in cells):
+        yield Note("Marks", f"{DIVERGED}k: k diverged seeds, score 0. {FAILED}k: k crashed seeds, not in n.")
+
+
+def _aggregated(aggregate: Aggregate[CellName], pairing: Pairing) -> str:
+    better, middle = aggregate.improvement, aggregate.interquartile_mean
+    count = len(aggregate.cells)
+    return (
+        f"over {count} {pairing.unit}{'' if count == 1 else 's'} with two seeds or more on both sides, a run of "
+        f"{pairing.subject.heading} beats one of {pairing.reference.heading} with probability "
+        f"{better.value:.2f}{_ends(better.interval, '.2f')}; the interquartile mean differs by "
+        f"{middle.value:+z.1f}{_ends(middle.interval, '+z.1f')}. Intervals by stratified bootstrap, too narrow for few "
+        "seeds."
+    )
+
+
+def _ends(interval: Interval | None, form: str) -> str:
+    return f" [{interval.low:{form}}, {interval.high:{form}}]" if interval else ""
+
+
+def _folder_notes(compared: Compared) -> Iterator[Note]:
+    pairing = compared.pairing
+    for label, cells in (
+        (f"Only in {pairing.reference.heading}", pairing.only_reference),
+        (f"Only in {pairing.subject.heading}", pairing.only_subject),
+    ):
+        if cells:
+            yield Note(label, f"{', '.join(map(name_of, cells))}.")
+    partly = [
+        f"{pair.identical_runs} of {len(pair.subject.seeds)} ({name_of(cell)})"
+        for cell, pair in pairing.pairs.items()
+        if pair.identical_runs and not pair.identical
+    ]
+    if partly:
+        yield Note("Identical runs", f"{', '.join(partly)}: the two samples are not independent.")
+    changed = [name_of(cell) for cell, pair in pairing.pairs.items() if pair.changed_runs]
+    if changed:
+        yield Note(
+            "Changed runs",
+            f"one identity, other numbers: {', '.join(changed)}. Either another machine or library rounds otherwise, "
+            "or a change of the software has not raised its version.",
+        )
+    for label, kind in (("Conditions", "condition"), ("Software", "software"), ("Machines", "machine")):
+        if texts := [_differs(each, len(pairing.pairs)) for each in pairing.differences if each.kind == kind]:
+            yield Note(f"{label} differ", f"{'; '.join(texts)}.")
+
+
+def _differs(difference: Difference, cells: int) -> str:
+    where = "every cell" if len(difference.cells) == cells else ", ".join(difference.cells)
+    values = f"{difference.field}: {shortened(difference.reference)} → {shortened(difference.subject)}"
+    return f"{values} ({where})" if where else values

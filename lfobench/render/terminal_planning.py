@@ -1,0 +1,171 @@
+"""A plan of seeds on a terminal: a row per task, then what it costs and what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.text import Text
+
+from lfobench.render.highlight_note import CORRECTIONS, TESTS
+from lfobench.render.layout import Section, aligned, wrapped
+from lfobench.render.pilot import PilotTask
+from lfobench.render.planning import Budget, SeedPlan
+from lfobench.render.table import Note
+from lfobench.stats.comparison import FROM_SUMMARIES
+from lfobench.stats.feasibility import smallest_p
+from lfobench.stats.planning import BOUND, MOST, TaskPlan
+from lfobench.stats.summary import Summary
+
+_UNKNOWN = "–"
+
+
+def terminal(plan: SeedPlan) -> RenderableType:
+    """What ``Console.print`` draws a plan from."""
+    return _Terminal(plan)
+
+
+class _Terminal:
+    def __init__(self, plan: SeedPlan) -> None:
+        self.plan = plan
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        plan = self.plan
+        design = plan.design
+        yield Text(f"To see {design.effect:g} points with power {design.power:g}, seeds per method:", "bold")
+        yield Text()
+        rows = [_row(plan, task, figures) for task, figures in zip(plan.pilot.tasks, plan.tasks, strict=True)]
+        yield from aligned(_columns(plan), [Section("", "", rows)], options.max_width)
+        yield Text()
+        yield from wrapped(list(planning_notes(plan)), options.max_width)
+
+
+def _corrected(plan: SeedPlan) -> bool:
+    return plan.corrected_alpha != plan.design.alpha
+
+
+def _columns(plan: SeedPlan) -> list[str]:
+    corrected = [f"at α = {plan.corrected_alpha:.2g}"] if _corrected(plan) else []
+    return ["methods", "pilot std", f"at α = {plan.design.alpha:g}", *corrected, f"shown by n = {plan.design.seeds}"]
+
+
+def _row(plan: SeedPlan, task: PilotTask, figures: TaskPlan) -> list[str]:
+    pilot, cautious = figures.pilot, figures.cautious
+    names = f"{task.first.label}, {task.second.label}"
+    spreads = ", ".join(_spread(summary) for summary in (figures.first, figures.second))
+    if pilot is None or cautious is None:
+        return [task.task, names, spreads, *[_UNKNOWN] * (3 if _corrected(plan) else 2)]
+    alone = f"{_seeds(pilot.seeds_alone)} ({_seeds(cautious.seeds_alone)})"
+    corrected = f"{_seeds(pilot.seeds_corrected)} ({_seeds(cautious.seeds_corrected)})"
+    shown = f"{_points(pilot.detectable_corrected)} ({_points(cautious.detectable_corrected)})"
+    return [task.task, names, spreads, alone, *([corrected] if _corrected(plan) else []), shown]
+
+
+def _spread(summary: Summary) -> str:
+    return _UNKNOWN if summary.std is None else f"{summary.std:.1f}"
+
+
+def _seeds(count: int | None) -> str:
+    return f">{MOST}" if count is None else str(count)
+
+
+def _points(difference: float | None) -> str:
+    return "nothing" if difference is None else f"{difference:.1f}"
+
+
+def planning_notes(plan: SeedPlan) -> Iterator[Note]:
+    """Everything that a reader must know to judge the figures."""
+    if blind := plan.blind_because:
+        yield Note("Design", f"nothing can come out significant: {blind}. Use more, or another test.")
+    for budget in plan.budgets:
+        yield Note("Cost", f"{budget.name}: {_cost(budget, plan.workers)}.")
+    yield from _time_notes(plan)
+    yield from _figure_notes(plan)
+    yield from _pilot_notes(plan)
+    yield from plan.pilot.notes
+
+
+def _cost(budget: Budget, workers: int) -> str:
+    cost = budget.cost
+    text = f"{cost.runs} more run{'' if cost.runs == 1 else 's'}"
+    if cost.hours is not None and cost.runs:
+        text += f", {_hours(cost.hours)} with {workers} worker{'' if workers == 1 else 's'}"
+    if cost.unmeasured:
+        text += f"; the time of {cost.unmeasured} of them is not known"
+    if budget.without:
+        text += f"; without {', '.join(budget.without)}, which no known number of seeds settles"
+    return text
+
+
+def _hours(hours: float) -> str:
+    return "less than 0.1 h" if hours < 0.05 else f"{hours:,.1f} h"
+
+
+def _time_notes(plan: SeedPlan) -> Iterator[Note]:
+    beside = "; on CUDA the longer of training and evaluation, shared by the seeds that trained together"
+    yield Note(
+        "Time",
+        f"mean over the pilot's runs of a cell, training and evaluation in turn{beside if plan.pilot.beside else ''}; "
+        f"measured on {' and '.join(plan.pilot.devices)}.",
+    )
+
+
+def _figure_notes(plan: SeedPlan) -> Iterator[Note]:
+    design, tasks = plan.design, len(plan.tasks)
+    level = f"α = {design.alpha:g}"
+    if _corrected(plan):
+        level += (
+            f", and at the first step of {CORRECTIONS[design.correction]}, {design.alpha:g} / {tasks} tasks, which the "
+            "smallest p-value must pass; the last column is for that step too"
+        )
+    yield Note("Figures", f"for Welch's two-sided t-test of normal scores, as many seeds of both methods, at {level}.")
+    if design.test not in FROM_SUMMARIES:
+        n = design.seeds if plan.starts is None else plan.starts
+        smallest = smallest_p(design.test, n, n)
+        best = "cannot be made" if smallest is None else f"gives at best p = {smallest:.2g}"
+        pairs = " It pairs start states: more seeds add no pairs." if plan.starts is not None else ""
+        yield Note(
+            "Test",
+            f"no closed form is known for {TESTS[design.test]}, so the figures are Welch's. With {n} "
+            f"{'seeds' if plan.starts is None else 'start states'} it {best}.{pairs}",
+        )
+    yield Note(
+        "In brackets",
+        f"for the upper {BOUND:.0%} confidence bound of each spread. A pilot of few seeds finds too small a spread "
+        "more than half the time, and seeds planned from it then miss the effect more often than promised.",
+    )
+
+
+def _pilot_notes(plan: SeedPlan) -> Iterator[Note]:
+    spreads = [
+        f"{cell.label} on {task.task} {summary.std:.1f} [{interval.low:.1f}, {interval.high:.1f}], n = {summary.n}"
+        for task, figures in zip(plan.pilot.tasks, plan.tasks, strict=True)
+        if figures.spreads is not None
+        for cell, summary, interval in zip(
+            (task.first, task.second), (figures.first, figures.second), figures.spreads, strict=True
+        )
+    ]
+    if spreads:
+        yield Note("Spread", f"standard deviation with its 95% interval for normal scores: {'; '.join(spreads)}.")
+    without_spread = [
+        task.task for task, figures in zip(plan.pilot.tasks, plan.tasks, strict=True) if figures.spreads is None
+    ]
+    if without_spread:
+        yield Note(
+            "Unknown",
+            f"a method has one seed on {', '.join(without_spread)}: no spread is known there. Run a second seed, "
+            "better a third.",
+        )
+    if any(_spreadless(figures) for figures in plan.tasks):
+        yield Note("No spread", "where a pilot's scores are all equal, two seeds are said to do; seeds may yet differ.")
+    if plan.pilot.without:
+        yield Note("Not planned", f"{', '.join(plan.pilot.without)}: fewer than two methods to compare.")
+    yield Note(
+        "Methods",
+        "the two best means of each task in the pilot; --methods chooses others. How far apart they were plays no "
+        "part.",
+    )
+
+
+def _spreadless(figures: TaskPlan) -> bool:
+    return figures.pilot is not None and figures.pilot.std_first == figures.pilot.std_second == 0.0

@@ -1,0 +1,181 @@
+"""One side against the other, cell by cell: a verdict for each, and one number over all of them.
+
+The cells are many questions of one kind, so their p-values are corrected together: a gate over forty cells at level
+0.05 would raise two alarms in every run where nothing has changed.
+
+References:
+    S. Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6, 1979.
+    R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville, M. G. Bellemare, "Deep reinforcement learning at the edge
+    of the statistical precipice", NeurIPS 2021: probability of improvement, interquartile mean, stratified bootstrap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from typing import Generic, Literal, TypeAlias, TypeVar
+
+import numpy as np
+
+from lfobench.stats.aggregates import probability_of_improvement
+from lfobench.stats.bootstrap import REPLICATES, Counts, Strata, Values, bootstrap, percentile_interval, strata
+from lfobench.stats.comparison import PAIRED, p_value
+from lfobench.stats.correction import adjusted
+from lfobench.stats.feasibility import can_reach, smallest_p
+from lfobench.stats.highlight import Rule
+from lfobench.stats.intervals import Estimate, Interval, check_probability, welch_interval
+from lfobench.stats.names import Test, Verdict
+from lfobench.stats.sample import Sample
+
+Key = TypeVar("Key", bound=Hashable)
+
+Outcome: TypeAlias = Verdict | Literal["untested"]
+"""A verdict, or that there was no test: a side has a single score, which says nothing of its spread."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The subject against the reference on one cell.
+
+    Attributes:
+        subject: its scores.
+        reference: those that they are held against.
+        interval: Welch's, of the difference at level 1 - α, for this cell alone; None where a side has one seed.
+        p: two-sided p-value of the rule's test; None where there is no test.
+        adjusted_p: `p` corrected over all cells tested.
+        outcome: `better` or `worse`, by the sign of the difference, where `adjusted_p` is below α.
+        reachable: whether any scores of so many seeds could have led to a verdict, even with all the other cells as
+            clear as can be.
+    """
+
+    subject: Sample
+    reference: Sample
+    interval: Interval | None
+    p: float | None
+    adjusted_p: float | None
+    outcome: Outcome
+    reachable: bool
+
+    @property
+    def difference(self) -> float:
+        """Mean of the subject minus mean of the reference, in points."""
+        return self.subject.summary.mean - self.reference.summary.mean
+
+
+@dataclass(frozen=True)
+class Aggregate(Generic[Key]):
+    """The subject against the reference over all cells where both have two seeds; such cells count equally.
+
+    Attributes:
+        cells: which.
+        improvement: probability that a run of the subject beats a run of the reference on a cell.
+        interquartile_mean: of the subject minus that of the reference, in points.
+    """
+
+    cells: tuple[Key, ...]
+    improvement: Estimate
+    interquartile_mean: Estimate
+
+
+@dataclass(frozen=True)
+class Contrast(Generic[Key]):
+    """Every cell, and all of them together; `aggregate` is None where no cell has two seeds on both sides."""
+
+    cells: Mapping[Key, Comparison]
+    aggregate: Aggregate[Key] | None
+
+    def having(self, outcome: Outcome) -> list[Key]:
+        """The cells of one outcome, in the order given."""
+        return [key for key, cell in self.cells.items() if cell.outcome == outcome]
+
+    @property
+    def tested(self) -> list[Key]:
+        """The cells that share the correction."""
+        return [key for key, cell in self.cells.items() if cell.p is not None]
+
+
+def contrast(pairs: Mapping[Key, tuple[Sample, Sample]], rule: Rule, replicates: int = REPLICATES) -> Contrast[Key]:
+    """The subject's sample of every cell against the reference's; a higher score is better.
+
+    Raises:
+        ValueError: the rule's test needs scores that a sample lacks, or α is not strictly between 0 and 1.
+    """
+    check_probability("alpha", rule.alpha)
+    p_values = {key: p_value(rule.test, *pair) for key, pair in pairs.items()}
+    tested = {key: p for key, p in p_values.items() if p is not None}
+    corrected = dict(zip(tested, adjusted(list(tested.values()), rule.correction), strict=True))
+    cells = {
+        key: _comparison(subject, reference, p_values[key], corrected.get(key), len(tested), rule)
+        for key, (subject, reference) in pairs.items()
+    }
+    return Contrast(cells, _aggregate(pairs, 1.0 - rule.alpha, replicates))
+
+
+def scores_compared(test: Test, sample: Sample) -> int:
+    """How many scores of a sample a test looks at: start states for a paired test, else seeds."""
+    return len(sample.starts) if test in PAIRED else sample.summary.n
+
+
+def best_p(comparison: Comparison, test: Test) -> float | None:
+    """The smallest p-value that the test could have given with so many scores, before any correction."""
+    return smallest_p(test, scores_compared(test, comparison.subject), scores_compared(test, comparison.reference))
+
+
+def _comparison(
+    subject: Sample, reference: Sample, p: float | None, adjusted_p: float | None, tested: int, rule: Rule
+) -> Comparison:
+    difference = subject.summary.mean - reference.summary.mean
+    outcome: Outcome = "undecided"
+    if adjusted_p is None:
+        outcome = "untested"
+    elif adjusted_p < rule.alpha and difference != 0.0:
+        outcome = "better" if difference > 0.0 else "worse"
+    sizes = scores_compared(rule.test, subject), scores_compared(rule.test, reference)
+    return Comparison(
+        subject,
+        reference,
+        welch_interval(subject.summary, reference.summary, 1.0 - rule.alpha),
+        p,
+        adjusted_p,
+        outcome,
+        p is not None and can_reach(rule.test, *sizes, rule.alpha, tested, rule.correction),
+    )
+
+
+def _aggregate(pairs: Mapping[Key, tuple[Sample, Sample]], level: float, replicates: int) -> Aggregate[Key] | None:
+    # A cell with one seed adds no spread, and would make the intervals narrower than they are.
+    spread = {key: pair for key, pair in pairs.items() if min(len(sample.seeds) for sample in pair) > 1}
+    if not spread:
+        return None
+    subject, reference = ([pair[side].seeds for pair in spread.values()] for side in (0, 1))
+    return Aggregate(
+        tuple(spread),
+        probability_of_improvement(subject, reference, level, replicates),
+        _difference_of_interquartile_means(strata(subject), strata(reference), level, replicates),
+    )
+
+
+def _difference_of_interquartile_means(subject: Strata, reference: Strata, level: float, replicates: int) -> Estimate:
+    """With the percentile interval of the two sides' independent, stratified bootstraps."""
+    one, two = _interquartile_mean(subject), _interquartile_mean(reference)
+
+    def statistic(counts_one: Counts, counts_two: Counts) -> Values:
+        return one(counts_one) - two(counts_two)
+
+    value = statistic(*(np.ones((pool.values.size, 1)) for pool in (subject, reference)))[0]
+    low, high = percentile_interval(bootstrap(statistic, [subject, reference], replicates), level)
+    return Estimate(float(value), Interval(float(low), float(high), level))
+
+
+def _interquartile_mean(pool: Strata) -> Callable[[Counts], Values]:
+    """`aggregates.interquartile_mean` of every replicate, from how often each run was drawn ``[N, B]``."""
+    order = np.argsort(pool.values, kind="stable")
+    values, weights = pool.values[order], pool.weights[order, None]
+    low = float(values.size // 4)
+    high = values.size - low
+
+    def statistic(counts: Counts) -> Values:
+        below = np.cumsum(counts[order] * weights, axis=0)
+        return np.asarray(values @ np.diff(np.clip(below, low, high), axis=0, prepend=low) / (high - low))
+
+    return statistic

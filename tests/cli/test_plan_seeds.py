@@ -1,0 +1,65 @@
+"""``lfobench plan`` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from helpers_cli import InProcess, assert_refused
+from helpers_folders import with_provenance, write_records
+from helpers_records import make_cell
+
+from lfobench.stats.power import seeds_needed_for
+
+
+@pytest.fixture
+def pilot(tmp_path: Path) -> Path:
+    records = [
+        *make_cell([60.0, 70.0, 65.0]),
+        *make_cell([50.0, 52.0, 51.0], "smodice"),
+        *make_cell([10.0, 12.0, 14.0], "bco"),
+    ]
+    times = {"train": 3000.0, "evaluate": 600.0}
+    return write_records(tmp_path / "pilot", [with_provenance(record, seconds=times) for record in records])
+
+
+def test_seeds_points_and_hours(pilot: Path, lfobench_command: InProcess) -> None:
+    outcome = lfobench_command("plan", "--out", pilot, "--effect", "10", "--seeds", "5")
+    assert outcome.code == 0
+    assert "To see 10 points with power 0.8" in outcome.out
+    assert "dilo, smodice" in outcome.out
+    assert "5 seeds everywhere: 4 more runs, 4.0 h with 1 worker" in outcome.out
+    assert "2.0 h with 2 workers" in lfobench_command("plan", "--out", pilot, "--workers", "2").out
+
+
+def test_json_and_chosen_methods(pilot: Path, lfobench_command: InProcess) -> None:
+    value = json.loads(lfobench_command("plan", "--out", pilot, "--methods", "bco,smodice", "--json").out)
+    (task,) = value["tasks"]
+    assert [method["column"] for method in task["methods"]] == ["smodice", "bco"]
+    assert value["design"]["can_show_anything"] is True
+    assert task["pilot"]["seeds_needed"]["alone"] == seeds_needed_for(10.0, 1.0, 2.0)
+
+
+def test_a_smaller_effect_needs_more_seeds(pilot: Path, lfobench_command: InProcess) -> None:
+    def needed(effect: str) -> int:
+        value = json.loads(lfobench_command("plan", "--out", pilot, "--effect", effect, "--json").out)
+        return int(value["tasks"][0]["pilot"]["seeds_needed"]["alone"])
+
+    assert needed("2") > needed("5") > needed("10")
+
+
+def test_a_design_that_shows_nothing(pilot: Path, lfobench_command: InProcess) -> None:
+    outcome = lfobench_command("plan", "--out", pilot, "--test", "mann-whitney", "--seeds", "3")
+    assert outcome.code == 0
+    assert "nothing can come out significant" in outcome.out
+
+
+def test_what_cannot_be_planned(pilot: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
+    assert_refused(lfobench_command("plan", "--out", pilot, "--effect", "0"), "--effect")
+    assert_refused(lfobench_command("plan", "--out", pilot, "--power", "1"), "--power")
+    assert_refused(lfobench_command("plan", "--out", pilot, "--methods", "dilo,smodise"), "Did you mean 'smodice'?")
+    assert_refused(lfobench_command("plan", "--out", pilot, "--methods", "dilo"), "two methods")
+    assert_refused(lfobench_command("plan", "--out", tmp_path / "gone"), "No folder")
+    (tmp_path / "empty").mkdir()
+    assert_refused(lfobench_command("plan", "--out", tmp_path / "empty"), "holds no records")
