@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -40,7 +41,8 @@ def bootstrap_seconds(quick: bool, rounds: int) -> Spread:
 def record_seconds(quick: bool, rounds: int) -> dict[str, Any]:
     """`lfobench.load` of 10,000 records: the first time, when each is checked, and again."""
     count = 20 if quick else RECORDS
-    with TemporaryDirectory(prefix="lfobench-bench-") as folder:
+    with TemporaryDirectory(prefix="lfobench-bench-") as cache, TemporaryDirectory(prefix="lfobench-bench-") as folder:
+        os.environ["LFOBENCH_CACHE"] = cache
         _write_records(Path(folder), count)
         started = time.perf_counter()
         first_frame = lfobench.load(folder)

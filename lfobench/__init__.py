@@ -29,6 +29,10 @@ def __getattr__(name: str) -> Any:
     """What Python users call, loaded when it is first used: `import lfobench` is instant."""
     if name not in __all__:
         raise AttributeError(f"module 'lfobench' has no attribute '{name}'")
+    if name == "load":
+        from lfobench.store.frame import load
+
+        return load
     from lfobench import api
 
     return getattr(api, name)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, FiniteFloat, StrictBool, StrictInt, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, FiniteFloat, StrictBool, Strict, StrictInt, ValidationError, model_validator
 
 
 class _Fields(BaseModel):
@@ -14,8 +14,8 @@ class _Fields(BaseModel):
 
 class _Environment(_Fields):
     id: str
-    random_return: FiniteFloat
-    expert_return: FiniteFloat
+    random_return: Annotated[FiniteFloat, Strict()]
+    expert_return: Annotated[FiniteFloat, Strict()]
 
     @model_validator(mode="after")
     def _scale(self) -> _Environment:

@@ -49,6 +49,12 @@ class Evaluation(_Model):
     )
     lengths: list[int] = Field(min_length=1, description="Steps of every episode.")
 
+    @model_validator(mode="after")
+    def _one_length_each(self) -> Evaluation:
+        if len(self.returns) != len(self.lengths):
+            raise ValueError(f"it has {len(self.returns)} returns and {len(self.lengths)} lengths")
+        return self
+
 
 class Metrics(_Model):
     """Training metrics, each averaged over the steps since the previous row."""

@@ -10,28 +10,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
+from lfobench.contract.identity import first_problem
 from lfobench.contract.record import Record, Warning
 from lfobench.store.folder import RecordFolder, read_record, warnings_of_copies
-from lfobench.store.index import Digest, Stamp, digest, read_index, write_index
+from lfobench.store.index import Digest, RunFields, Stamp, digest, joined, read_index, write_index
 
-RUN_COLUMNS = (
-    "suite",
-    "group",
-    "row",
-    "task",
-    "method",
-    "method_version",
-    "preset",
-    "set",
-    "source",
-    "protocol",
-    "protocol_steps",
-    "environment",
-    "precision",
-    "seed",
-    "status",
-)
+RUN_COLUMNS = tuple(name for name in RunFields.model_fields if name not in ("random_return", "expert_return"))
 
 
 def load(path: str | Path, *, episodes: bool = False, fresh: bool = False) -> pd.DataFrame:
@@ -40,12 +26,15 @@ def load(path: str | Path, *, episodes: bool = False, fresh: bool = False) -> pd
     Columns: those of `RUN_COLUMNS`, which say what was run; then, per evaluation, ``step`` (gradient steps), ``score``
     (mean normalised score of its episodes), ``return`` and ``length`` (means), ``episodes`` (their number); or, per
     episode, ``step``, ``episode``, ``score``, ``return``, ``length``; and ``identity``, the hash that names the run.
+    What is text is plain text, so that grouping gives the groups that are there and no others.
 
-    A run that diverged before its first evaluation has one row, at the step where it diverged, whose score is missing
-    (and whose presence makes columns of whole numbers columns of floats).
+    A run that diverged has status ``diverged`` and the evaluations before that. One that diverged before its first
+    evaluation has one row, at the step where it diverged, without a score; ``episodes`` is 0. In a frame of episodes
+    such a row lacks ``episode`` and ``length`` too, which are then columns of floats.
 
-    Records are verified when they are first read. A file of unchanged size and modification time is not opened again;
-    `fresh` verifies all of them anew.
+    Records are verified when they are first read. A file whose size and times of modification and of change are as they
+    were is not opened again, so whoever edits one and then restores all three (which takes setting the system's clock,
+    or writing to the disk beside the file system) is found out only with `fresh`, which verifies every file anew.
 
     Example::
 
@@ -72,7 +61,8 @@ def _read(root: Path, fresh: bool) -> tuple[list[Digest], list[Warning]]:
         name = str(file.relative_to(root))
         each = _digest(file, known.get(name))
         if isinstance(each, Digest):
-            current[name] = each
+            if each.stamp.settled:
+                current[name] = each
             by_run.setdefault(each.identity_hash, []).append((file, each))
         else:
             problems.append(each)
@@ -91,66 +81,81 @@ def _digest(file: Path, known: Digest | None) -> Digest | Warning:
     try:
         # Taken before reading: a file that changes meanwhile has another stamp the next time.
         stamp = Stamp.of(file)
-    except OSError:
-        stamp = Stamp(-1, -1)
+    except OSError as error:
+        return Warning(what=f"{file} was skipped: {error.strerror}.", remedy="Move it away.")
     if known is not None and known.stamp == stamp:
         return known
     record = read_record(file)
-    return digest(record, stamp) if isinstance(record, Record) else record
+    if not isinstance(record, Record):
+        return record
+    try:
+        return digest(record, stamp)
+    except ValueError as error:
+        cause = first_problem(error) if isinstance(error, ValidationError) else str(error)
+        return Warning(what=f"{file} is no record that a run leaves and was skipped ({cause}).", remedy="Move it away.")
 
 
 def _evaluations(digests: Sequence[Digest]) -> pd.DataFrame:
-    counts = _lengths([each.steps for each in digests])
-    episodes = _joined([each.episodes for each in digests], np.int64)
-    starts = np.cumsum(episodes) - episodes
-    returns, lengths = (
-        _joined([each.returns for each in digests], np.float64),
-        _joined([each.lengths for each in digests], np.float64),
+    counts = _counts([each.steps for each in digests])
+    episodes = joined([each.episodes for each in digests], np.int64)
+    means, lengths = (
+        _means(joined([getattr(each, name) for each in digests], np.float64), episodes)
+        for name in ("returns", "lengths")
     )
-    means = np.add.reduceat(returns, starts) / episodes if len(starts) else returns
     frame = _runs(digests, counts)
-    frame["step"] = _joined([each.steps for each in digests], np.int64)
+    frame["step"] = joined([each.steps for each in digests], np.int64)
     frame["score"] = _scores(digests, counts, means)
     frame["return"] = means
-    frame["length"] = np.add.reduceat(lengths, starts) / episodes if len(starts) else lengths
+    frame["length"] = lengths
     frame["episodes"] = episodes
     frame["identity"] = _repeated([each.identity_hash for each in digests], counts)
-    return _with_unevaluated(frame, digests)
+    return frame
 
 
 def _episodes(digests: Sequence[Digest]) -> pd.DataFrame:
-    counts = _lengths([each.returns for each in digests])
-    per_evaluation = _joined([each.episodes for each in digests], np.int64)
-    returns = _joined([each.returns for each in digests], np.float64)
-    starts = np.cumsum(per_evaluation) - per_evaluation
+    episodes = joined([each.episodes for each in digests], np.int64)
+    rows = np.maximum(episodes, 1)
+    starts = np.cumsum(rows) - rows
+    evaluated = np.repeat(episodes > 0, rows)
+    counts = np.array([np.maximum(each.episodes, 1).sum() for each in digests], np.int64)
+    returns = _where(evaluated, joined([each.returns for each in digests], np.float64))
     frame = _runs(digests, counts)
-    frame["step"] = np.repeat(_joined([each.steps for each in digests], np.int64), per_evaluation)
-    frame["episode"] = np.arange(len(returns)) - np.repeat(starts, per_evaluation)
+    frame["step"] = np.repeat(joined([each.steps for each in digests], np.int64), rows)
+    frame["episode"] = _where(evaluated, (np.arange(len(evaluated)) - np.repeat(starts, rows))[evaluated])
     frame["score"] = _scores(digests, counts, returns)
     frame["return"] = returns
-    frame["length"] = _joined([each.lengths for each in digests], np.int64)
+    frame["length"] = _where(evaluated, joined([each.lengths for each in digests], np.int64))
     frame["identity"] = _repeated([each.identity_hash for each in digests], counts)
-    return _with_unevaluated(frame, digests)
+    return frame
 
 
 def _runs(digests: Sequence[Digest], counts: NDArray[np.int64]) -> pd.DataFrame:
-    return pd.DataFrame({name: _repeated([each.fields[name] for each in digests], counts) for name in RUN_COLUMNS})
+    return pd.DataFrame(
+        {name: _repeated([getattr(each.fields, name) for each in digests], counts) for name in RUN_COLUMNS}
+    )
+
+
+def _means(values: NDArray[np.float64], counts: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Mean of every stretch of `counts` values; NaN of none."""
+    sums = np.bincount(np.repeat(np.arange(len(counts)), counts), weights=values, minlength=len(counts))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(sums / counts)
 
 
 def _scores(digests: Sequence[Digest], counts: NDArray[np.int64], returns: NDArray[np.float64]) -> NDArray[np.float64]:
-    low = np.repeat(np.array([each.fields["random_return"] for each in digests], np.float64), counts)
-    high = np.repeat(np.array([each.fields["expert_return"] for each in digests], np.float64), counts)
-    return np.asarray(100.0 * (returns - low) / (high - low))
+    low = np.repeat(np.array([each.fields.random_return for each in digests], np.float64), counts)
+    high = np.repeat(np.array([each.fields.expert_return for each in digests], np.float64), counts)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(100.0 * (returns - low) / (high - low))
 
 
-def _with_unevaluated(frame: pd.DataFrame, digests: Sequence[Digest]) -> pd.DataFrame:
-    rows = [
-        {name: each.fields[name] for name in RUN_COLUMNS}
-        | {"step": each.fields["diverged_at"], "identity": each.identity_hash}
-        for each in digests
-        if not len(each.steps)
-    ]
-    return pd.concat([frame, pd.DataFrame(rows, columns=frame.columns)], ignore_index=True) if rows else frame
+def _where(present: NDArray[np.bool_], values: NDArray[Any]) -> NDArray[Any]:
+    """The values, in order, where they are present; as they are if all of them are, else as floats, NaN elsewhere."""
+    if present.all():
+        return values
+    spread = np.full(len(present), np.nan)
+    spread[present] = values
+    return spread
 
 
 def _repeated(values: Sequence[Any], counts: NDArray[np.int64]) -> pd.api.extensions.ExtensionArray:
@@ -159,9 +164,5 @@ def _repeated(values: Sequence[Any], counts: NDArray[np.int64]) -> pd.api.extens
     return series.take(np.repeat(np.arange(len(series)), counts)).array
 
 
-def _lengths(parts: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
+def _counts(parts: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
     return np.array([len(part) for part in parts], dtype=np.int64)
-
-
-def _joined(parts: Sequence[NDArray[Any]], kind: type[np.int64] | type[np.float64]) -> NDArray[Any]:
-    return np.asarray(np.concatenate([np.empty(0, kind), *parts]), dtype=kind)

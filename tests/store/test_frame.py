@@ -5,6 +5,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import subprocess
+import sys
+import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,19 +17,33 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers_records import make_record
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import lfobench
-from lfobench.contract.record import Evaluation, Record, content_hash
+from lfobench.contract.record import Evaluation, Record, Warning, content_hash
 from lfobench.errors import UserError
-from lfobench.store.folder import SEAL, RecordFolder
+from lfobench.store.folder import SEAL, RecordFolder, read_record
 from lfobench.store.frame import RUN_COLUMNS
 from lfobench.store.index import index_path, read_index
 
+HOUR = 3600 * 10**9
+
 
 def write(path: Path, record: Record) -> Path:
-    content = record.model_dump(mode="json")
+    """A record of an hour ago: only a file that has settled is remembered."""
+    return write_content(path, record.model_dump(mode="json"))
+
+
+def write_content(path: Path, content: dict[str, Any]) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({**content, SEAL: content_hash(content)}), encoding="utf-8")
+    return aged(path)
+
+
+def aged(path: Path) -> Path:
+    before = time.time_ns() - HOUR
+    os.utime(path, ns=(before, before))
     return path
 
 
@@ -107,14 +125,60 @@ def test_new_and_removed_records_are_noticed(folder: Path) -> None:
     assert set(lfobench.load(folder)["seed"]) == {0, 2, 9}
 
 
-def test_an_edit_is_caught_by_the_seal(folder: Path) -> None:
-    lfobench.load(folder)
-    path = folder / "records" / "a" / "dilo-0.json"
-    path.write_text(path.read_text(encoding="utf-8").replace("100.0", "999.0"), encoding="utf-8")
-    os.utime(path, ns=(0, path.stat().st_mtime_ns + 1))
+def edited(path: Path) -> Path:
+    """Another content of the same size, without a valid seal."""
+    text = path.read_text(encoding="utf-8")
+    assert "100.0" in text
+    path.write_text(text.replace("100.0", "999.0"), encoding="utf-8")
+    return path
+
+
+def assert_seed_0_is_refused(folder: Path) -> None:
     with pytest.warns(UserWarning, match="does not match its seal"):
         frame = lfobench.load(folder)
     assert set(frame.loc[frame["method"] == "dilo", "seed"]) == {1, 2}
+
+
+def test_an_edit_is_caught_by_the_seal(folder: Path) -> None:
+    lfobench.load(folder)
+    aged(edited(folder / "records" / "a" / "dilo-0.json"))
+    assert_seed_0_is_refused(folder)
+    assert_seed_0_is_refused(folder)
+
+
+def test_an_edit_that_restores_the_time_of_modification_is_caught(folder: Path) -> None:
+    """As unpacking an archive over a folder does."""
+    lfobench.load(folder)
+    path = folder / "records" / "a" / "dilo-0.json"
+    before = path.stat().st_mtime_ns
+    os.utime(edited(path), ns=(before, before))
+    assert_seed_0_is_refused(folder)
+
+
+def test_a_file_as_young_as_the_clock_is_coarse_is_not_remembered(folder: Path) -> None:
+    path = folder / "records" / "a" / "dilo-0.json"
+    path.touch()
+    assert len(lfobench.load(folder)) == 17
+    assert set(read_index(folder)) == {"records/a/dilo-1.json", "records/a/dilo-2.json", "records/b.json"}
+    aged(path)
+    lfobench.load(folder)
+    assert len(read_index(folder)) == 4
+
+
+def test_only_what_changed_is_opened_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lfobench.load(folder)
+    opened = []
+
+    def counted(path: Path) -> Record | Warning:
+        opened.append(path)
+        return read_record(path)
+
+    monkeypatch.setattr("lfobench.store.frame.read_record", counted)
+    again = write(folder / "records" / "a" / "dilo-1.json", make_record(31.0, seed=1))
+    new = write(folder / "records" / "new.json", make_record(1.0, seed=9))
+    frame = lfobench.load(folder)
+    assert opened == [again, new]
+    assert frame.loc[frame["seed"] == 1, "score"].tolist() == [31.0] * 5
 
 
 def remove(path: Path) -> None:
@@ -129,31 +193,99 @@ def damage_tail(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-200])
 
 
-def damage_version(path: Path) -> None:
+def damage_middle(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[content.index(b"returns.npy") + 200] ^= 1
+    path.write_bytes(content)
+
+
+def another_format(path: Path) -> None:
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))
+
+
+def pickled(path: Path) -> None:
+    with_arrays(path, header=np.array([{"version": 1}], dtype=object))
+
+
+def with_arrays(path: Path, **changed: Any) -> None:
     with np.load(path) as arrays:
         found = dict(arrays)
-    header = json.loads(found["header"].tobytes())
-    found["header"] = np.frombuffer(json.dumps({**header, "version": 0}).encode(), np.uint8)
-    np.savez(path, **found)
+    np.savez(path, **{**found, **changed})
 
 
-def damage_sum(path: Path) -> None:
+def with_header(path: Path, change: Callable[[dict[str, Any]], Any]) -> None:
     with np.load(path) as arrays:
-        found = dict(arrays)
-    found["returns"] = found["returns"][:-1]
-    np.savez(path, **found)
+        header = json.loads(arrays["header"].tobytes())
+    change(header)
+    with_arrays(path, header=np.frombuffer(json.dumps(header).encode(), np.uint8))
 
 
-def damage_kind(path: Path) -> None:
+def other_version(path: Path) -> None:
+    with_header(path, lambda header: header.update(version=0))
+
+
+def no_fields(path: Path) -> None:
+    with_header(path, lambda header: header["records"][0].update(fields={}))
+
+
+def other_fields(path: Path) -> None:
+    with_header(path, lambda header: header["records"][0]["fields"].update(seed="zero"))
+
+
+def negative_count(path: Path) -> None:
+    with_header(path, lambda header: header["records"][0].update(episodes=-1))
+
+
+def shifted_counts(path: Path) -> None:
+    def shift(header: dict[str, Any]) -> None:
+        header["records"][0]["episodes"] += 1
+        header["records"][1]["episodes"] -= 1
+
+    with_header(path, shift)
+
+
+def fewer_paths(path: Path) -> None:
+    with_arrays(path, paths=np.frombuffer(b"records/b.json", np.uint8))
+
+
+def fewer_returns(path: Path) -> None:
     with np.load(path) as arrays:
-        found = dict(arrays)
-    found["steps"] = found["steps"].astype(np.float32)
-    np.savez(path, **found)
+        returns = arrays["returns"]
+    with_arrays(path, returns=returns[:-1])
+
+
+def other_kind(path: Path) -> None:
+    with np.load(path) as arrays:
+        steps = arrays["steps"]
+    with_arrays(path, steps=steps.astype(np.float32))
+
+
+def other_shape(path: Path) -> None:
+    with np.load(path) as arrays:
+        steps = arrays["steps"]
+    with_arrays(path, steps=steps[:, None])
 
 
 @pytest.mark.parametrize(
     "damage",
-    [remove, damage_bytes, damage_tail, damage_version, damage_sum, damage_kind],
+    [
+        remove,
+        damage_bytes,
+        damage_tail,
+        damage_middle,
+        another_format,
+        pickled,
+        other_version,
+        no_fields,
+        other_fields,
+        negative_count,
+        shifted_counts,
+        fewer_paths,
+        fewer_returns,
+        other_kind,
+        other_shape,
+    ],
     ids=lambda one: one.__name__,
 )
 def test_a_useless_index_is_rebuilt(folder: Path, damage: Callable[[Path], None]) -> None:
@@ -162,6 +294,24 @@ def test_a_useless_index_is_rebuilt(folder: Path, damage: Callable[[Path], None]
     assert read_index(folder) == {}
     pd.testing.assert_frame_equal(lfobench.load(folder), expected)
     assert len(read_index(folder)) == 4
+
+
+@settings(max_examples=100)
+@given(st.data())
+def test_no_damage_to_an_index_changes_a_frame(data: st.DataObject) -> None:
+    with tempfile.TemporaryDirectory() as name, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LFOBENCH_CACHE", f"{name}/cache")
+        root = Path(name, "runs")
+        write(root / "a.json", make_record(10.0, evaluations=2))
+        write(root / "b.json", make_record(20.0, seed=1, evaluations=1))
+        expected = lfobench.load(root, episodes=True)
+        content = bytearray(index_path(root).read_bytes())
+        for _ in range(data.draw(st.integers(1, 3))):
+            content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+        index_path(root).write_bytes(
+            content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content
+        )
+        pd.testing.assert_frame_equal(lfobench.load(root, episodes=True), expected)
 
 
 def test_an_index_that_cannot_be_written_is_done_without(
@@ -197,11 +347,110 @@ def test_copies_count_once_and_contradictions_not_at_all(folder: Path) -> None:
 
 def test_a_run_that_diverged_at_once_has_a_row(folder: Path) -> None:
     write(folder / "sick.json", make_record(0.0, "oril", diverged_at=3, evaluations=0))
+    kinds = {}
     for episodes in (False, True):
         frame = lfobench.load(folder, episodes=episodes)
+        pd.testing.assert_frame_equal(lfobench.load(folder, episodes=episodes), frame)
         (row,) = frame[frame["method"] == "oril"].to_dict("records")
         assert (row["status"], row["step"]) == ("diverged", 3)
         assert np.isnan(row["score"])
+        assert frame.loc[frame["method"] != "oril", ["score", "length"]].notna().all(axis=None)
+        kinds[episodes] = frame.dtypes
+    assert lfobench.load(folder).loc[lambda frame: frame["method"] == "oril", "episodes"].tolist() == [0]
+    assert kinds[False]["step"] == kinds[False]["episodes"] == np.int64
+
+
+def change_of(*place: str | int, value: Any) -> Callable[[dict[str, Any]], None]:
+    def change(content: dict[str, Any]) -> None:
+        inner: Any = content
+        for key in place[:-1]:
+            inner = inner[key]
+        inner[place[-1]] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        (change_of("evaluations", 0, "lengths", value=[1, 2, 3]), "2 returns and 3 lengths"),
+        (change_of("evaluations", 0, "lengths", value=[1]), "2 returns and 1 lengths"),
+        (change_of("evaluations", 0, "lengths", value=[2**70, 1]), "64 bits"),
+        (change_of("evaluations", 0, "step", value=2**70), "64 bits"),
+        (change_of("identity", "seed", value=2**70), "seed"),
+        (change_of("identity", "precision", value=[1]), "precision"),
+    ],
+    ids=["long", "short", "length", "step", "seed", "precision"],
+)
+def test_what_no_run_leaves_is_named_and_moves_nothing_else(
+    folder: Path, change: Callable[[dict[str, Any]], None], cause: str
+) -> None:
+    """Sealed by whoever made it; first in order, so that all other rows come after it."""
+    expected = {episodes: lfobench.load(folder, episodes=episodes) for episodes in (False, True)}
+    content = make_record(1.0, "oril").model_dump(mode="json")
+    change(content)
+    content["identity_hash"] = content_hash(content["identity"])
+    write_content(folder / "a.json", content)
+    for episodes in (False, True, True):
+        with pytest.warns(UserWarning, match=cause):
+            frame = lfobench.load(folder, episodes=episodes)
+        pd.testing.assert_frame_equal(frame, expected[episodes])
+
+
+RETURNS = st.floats(-1e6, 1e6)
+EPISODES = st.lists(st.tuples(RETURNS, st.integers(0, 1000)), min_size=1, max_size=4)
+
+
+@settings(max_examples=25)
+@given(st.lists(st.lists(EPISODES, max_size=3), max_size=4))
+def test_any_records_give_the_numbers_that_records_give(runs: list[list[list[tuple[float, int]]]]) -> None:
+    with tempfile.TemporaryDirectory() as name, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LFOBENCH_CACHE", f"{name}/cache")
+        root = Path(name, "runs")
+        root.mkdir()
+        records = []
+        for seed, run in enumerate(runs):
+            evaluations = [
+                Evaluation(step=step, returns=[each for each, _ in row], lengths=[length for _, length in row])
+                for step, row in enumerate(run)
+            ]
+            made = make_record(0.0, seed=seed, diverged_at=None if run else 7)
+            records.append(made.model_copy(update={"evaluations": evaluations}))
+            write(root / f"{seed}.json", records[-1])
+        for _ in range(2):
+            frame = lfobench.load(root)
+            scored = [(record.seed, *point) for record in records for point in record.curve()]
+            found = frame.dropna(subset="score")[["seed", "step", "score"]].to_numpy(float)
+            assert found == pytest.approx(np.array(scored, float).reshape(-1, 3))
+            assert frame["seed"].unique().tolist() == [record.seed for record in records]
+            single = lfobench.load(root, episodes=True).dropna(subset="score")
+            assert list(zip(single["return"], single["length"], strict=True)) == [
+                each for run in runs for row in run for each in row
+            ]
+
+
+def test_the_index_may_be_written_by_several_at_once(folder: Path) -> None:
+    expected = lfobench.load(folder)
+    program = (
+        "import sys, lfobench\n"
+        "for _ in range(20):\n"
+        "    assert len(lfobench.load(sys.argv[1], fresh=True)) == len(lfobench.load(sys.argv[1])) == 17\n"
+    )
+    others = [subprocess.Popen([sys.executable, "-c", program, str(folder)]) for _ in range(2)]
+    assert [other.wait() for other in others] == [0, 0]
+    pd.testing.assert_frame_equal(lfobench.load(folder), expected)
+    assert len(read_index(folder)) == 4
+    assert list(index_path(folder).parent.iterdir()) == [index_path(folder)]
+
+
+def test_reading_records_does_not_wait_for_what_trains() -> None:
+    program = (
+        "import sys, lfobench\n"
+        "assert not {'pandas', 'numpy', 'torch'} & set(sys.modules)\n"
+        "lfobench.load\n"
+        "assert 'torch' not in sys.modules\n"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
 
 
 def test_an_empty_folder_is_an_empty_frame(tmp_path: Path) -> None:
