@@ -23,11 +23,13 @@ from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record, Warning
 from lfobench.contract.statistic import Statistic, parse_statistic
 from lfobench.errors import UserError, unknown_name
+from lfobench.files import write_text
 from lfobench.plan.names import split_names
 from lfobench.registry import load_suite, suite_names
 from lfobench.render.against import published_scores, with_published
 from lfobench.render.building import build_table
 from lfobench.render.formats import export
+from lfobench.render.report.page import report as report_page
 from lfobench.render.table import Table
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.names import Correction, Scope, Test
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
 
     from lfobench.render.plots.figure import PaperFigure
 
-__all__ = ["Filters", "Selection", "export", "load", "make_rule", "plot", "select_records", "table"]
+__all__ = ["Filters", "Selection", "export", "load", "make_rule", "plot", "report", "select_records", "table"]
 
 COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
 """Order of the columns where none is asked for; other methods follow as they first appear."""
@@ -197,6 +199,31 @@ def plot(
     counted = parse_statistic(statistic)
     selection = _selected(out, **filters)
     return draw(kind, selection.table(counted, DEFAULT_RULE), selection.records, width, COLUMN_ORDER)
+
+
+def report(
+    out: str | Path,
+    to: str | Path | None = None,
+    *,
+    statistic: str = "last5",
+    test: str = "welch",
+    scope: str = "group",
+    correction: str = "none",
+    alpha: float = 0.05,
+    **filters: Unpack[Filters],
+) -> str:
+    """The report of a folder of records, one self-contained HTML page; written to `to` where that is given.
+
+    Raises:
+        UserError: as the command line says it.
+    """
+    rule = make_rule(test, scope, correction, alpha)
+    counted = parse_statistic(statistic)
+    chosen = _selected(out, **filters)
+    page = report_page(chosen.records, chosen.failures, chosen.warnings, counted, rule, chosen.tasks, chosen.methods)
+    if to is not None:
+        write_text(Path(to), page)
+    return page
 
 
 def _selected(out: str | Path, **filters: Unpack[Filters]) -> Selection:

@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from lfobench.cli import audit, bench, compare, data, plan_seeds, plot, records, run, show, table
+from lfobench.cli import audit, bench, compare, data, plan_seeds, plot, records, report, run, show, table
 from lfobench.cli.console import errors, one_line
 from lfobench.errors import UserError
 
@@ -28,6 +28,7 @@ app.command(name="status")(records.status)
 app.command(name="why")(records.why)
 app.command(name="table")(table.table)
 app.command(name="plot")(plot.plot)
+app.command(name="report")(report.report)
 app.command(name="compare")(compare.compare)
 app.command(name="audit")(audit.audit)
 app.command(name="plan")(plan_seeds.plan)

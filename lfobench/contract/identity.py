@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, FiniteFloat, StrictBool, Strict, StrictInt, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, FiniteFloat, Strict, StrictBool, StrictInt, ValidationError, model_validator
 
 
 class _Fields(BaseModel):

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from lfobench.errors import unknown_name
 from lfobench.render.comma_separated import comma_separated
+from lfobench.render.html_table import html
 from lfobench.render.json_table import json_table
 from lfobench.render.latex import latex
 from lfobench.render.markdown import markdown
@@ -16,6 +17,7 @@ FORMATS: dict[str, Callable[[Table], str]] = {
     "latex": latex,
     "csv": comma_separated,
     "json": json_table,
+    "html": html,
 }
 
 

@@ -46,5 +46,6 @@ def _cell(cell: Cell | None) -> str:
 
 
 def escape(text: str) -> str:
+    """Text that Markdown shows as it is written, on one line."""
     # A "<" before a blank opens no tag; leaving it alone keeps "p < 0.05" readable as source.
     return re.sub(r"([\\`*_\[\]>|~#&]|<(?! ))", r"\\\1", " ".join(text.split()))

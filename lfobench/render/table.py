@@ -145,6 +145,13 @@ class Table:
     source: str
     protocol: str
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        # The exporters draw this model, so it cannot import them before it is there.
+        from lfobench.render.html_table import html
+
+        return html(self)
+
     def rows(self) -> Iterator[tuple[Block, Row]]:
         """Every row with its block, in table order."""
         for block in self.blocks:

@@ -82,4 +82,4 @@ def test_names_with_commas_and_quotes(make_record: Callable[..., Record]) -> Non
 def test_an_unknown_format_names_the_closest() -> None:
     with pytest.raises(UserError, match=r"Unknown format 'markdwon'.*'markdown'"):
         export(None, "markdwon")  # type: ignore[arg-type]
-    assert set(FORMATS) == {"markdown", "latex", "csv", "json"}
+    assert set(FORMATS) == {"markdown", "latex", "csv", "json", "html"}

@@ -1,0 +1,151 @@
+"""The table in HTML: a fragment to paste into a page, and the rows that the report is built around."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+
+from lfobench.render.cell_text import DIVERGED, FAILED, MISSING, PLUS_MINUS, CellText, cell_text
+from lfobench.render.markup import Markup, element, joined
+from lfobench.render.table import Cell, Note, Table, column_groups
+
+STUBS = ("Dataset", "Task")
+"""Headings of the two columns that say what a row is about."""
+
+_WIDEST_PAD, _WIDEST_TRAIL = 4, 7
+
+
+def html(table: Table) -> str:
+    """A ``<figure>`` with its own style, the table and the notes; it asks for no script, font or file.
+
+    Highlighted numbers are bold on a tinted ground; colours are those of the page around it.
+    """
+    return (
+        element(
+            "figure",
+            element("style", Markup(table_style())),
+            element("div", score_table(table), class_="scroll"),
+            element("figcaption", notes_list(table.notes)),
+            class_="lfobench-table",
+        )
+        + "\n"
+    )
+
+
+@cache
+def table_style() -> str:
+    """The style sheet of the table and its notes."""
+    return files(__package__).joinpath("html_table.css").read_text(encoding="utf-8")
+
+
+def score_table(table: Table, **attributes: str) -> Markup:
+    """The ``<table>``. A row knows its number as ``data-row``, a cell its column's as ``data-column``."""
+    return element("table", _head(table), _body(table), **attributes)
+
+
+def notes_list(notes: tuple[Note, ...], kinds: tuple[str, ...] = ()) -> Markup:
+    """The notes as a list of definitions; `kinds`, one per note, become ``data-kind``."""
+    chosen = kinds or ("",) * len(notes)
+    return element(
+        "dl",
+        *(
+            element("div", element("dt", note.label), " ", element("dd", note.text), data_kind=kind or None)
+            for note, kind in zip(notes, chosen, strict=True)
+        ),
+        class_="notes",
+    )
+
+
+def _head(table: Table) -> Markup:
+    groups = [
+        element(
+            "th",
+            element("span", group.label),
+            scope="colgroup",
+            class_="group",
+            colspan=str(group.stop - group.start),
+        )
+        for group in column_groups(table.columns)
+    ]
+    stubs = [element("th", name, scope="col", class_="stub", data_sort="text") for name in STUBS]
+    names = [
+        element("th", column.label, scope="col", data_sort="number", data_column=str(index))
+        for index, column in enumerate(table.columns)
+    ]
+    blank = element("td", colspan=str(len(STUBS)))
+    return element("thead", element("tr", blank, *groups), element("tr", *stubs, *names))
+
+
+def _body(table: Table) -> Markup:
+    columns = [_Column(table, index) for index in range(len(table.columns))]
+    rows, position = [], 0
+    for block in table.blocks:
+        for index, row in enumerate(block.rows):
+            rows.append(
+                element(
+                    "tr",
+                    element("th", block.label, scope="row", class_="stub block" + (" same" if index else "")),
+                    element("th", row.label, scope="row", class_="stub task", title=row.task),
+                    *(column.cell(cell) for column, cell in zip(columns, row.cells, strict=True)),
+                    class_=None if index else "first",
+                    data_row=str(position),
+                )
+            )
+            position += 1
+    return element("tbody", *rows)
+
+
+class _Column:
+    """One column's cells, aligned at the decimal points by padding what has fewer digits than the widest."""
+
+    def __init__(self, table: Table, index: int) -> None:
+        self.index = index
+        self.run_here = table.columns[index].run_here
+        texts = [cell_text(cell) for _, row in table.rows() if (cell := row.cells[index]) is not None]
+        self.spread = max((len(text.std) for text in texts), default=0)
+        self.trail = min(1 + max((len(text.marks) for text in texts), default=0), _WIDEST_TRAIL)
+
+    def cell(self, cell: Cell | None) -> Markup:
+        kind = "" if self.run_here else "other"
+        if cell is None:
+            return element("td", MISSING, self._trail(None), class_=kind or None, data_column=str(self.index))
+        text = cell_text(cell)
+        return element(
+            "td",
+            element("span", text.mean, class_="mean"),
+            self._spread(text),
+            self._trail(text),
+            element("span", " (highlighted)", class_="spoken") if self.run_here else "",
+            class_=" ".join(filter(None, [kind, "highlighted" if cell.highlighted else ""])) or None,
+            data_column=str(self.index),
+            data_value=repr(cell.summary.mean) if cell.summary else None,
+        )
+
+    def _spread(self, text: CellText) -> Markup:
+        if not self.spread:
+            return Markup("")
+        if not text.std:
+            # Keeps the mean in line with those above and below.
+            return element("span", f" {PLUS_MINUS} ", "0" * (self.spread - 1), class_="hollow", aria_hidden="true")
+        missing = min(self.spread - len(text.std), _WIDEST_PAD)
+        return element(
+            "span",
+            f" {PLUS_MINUS} ",
+            element("span", text.std, class_=f"pad-{missing}" if missing else None),
+            class_="spread",
+        )
+
+    def _trail(self, text: CellText | None) -> Markup:
+        dagger = element("span", text.lost if text else "", class_="dagger") if self.run_here else Markup("")
+        marks = element("span", f" {text.marks}", class_="marks", title=_spoken(text)) if text and text.marks else ""
+        return element("span", joined([dagger, marks]), class_=f"trail trail-{self.trail}")
+
+
+def _spoken(text: CellText) -> str | None:
+    """What the marks of a cell mean."""
+    said = [
+        f"{count} {'seed' if count == '1' else 'seeds'} {what} ({mark})"
+        for mark, count, what in ((DIVERGED, text.diverged, "diverged"), (FAILED, text.failed, "failed"))
+        if count
+    ]
+    return ", ".join(said) or None

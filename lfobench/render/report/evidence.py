@@ -1,0 +1,168 @@
+"""What a page needs to decide a table again under any knobs: every p-value, computed once, in Python.
+
+The page's script holds the rule and no statistics; the numbers below are unrounded, so it decides as the command line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import get_args
+
+from lfobench.render.table import Column, Row, Table, competes
+from lfobench.stats.comparison import PAIRED, p_value
+from lfobench.stats.correction import adjusted
+from lfobench.stats.feasibility import smallest_p
+from lfobench.stats.highlight import Rule, highlights
+from lfobench.stats.names import Scope, Test
+from lfobench.stats.sample import Sample
+
+TESTS: tuple[Test, ...] = get_args(Test)
+SCOPES: tuple[Scope, ...] = get_args(Scope)
+
+
+@dataclass(frozen=True)
+class PairCounts:
+    """The first method against the second, over the tasks of both; the correction is over those that were tested.
+
+    Attributes:
+        first: subject.
+        second: what it is held against.
+        better: tasks on which the first has the higher mean, and the test tells them apart.
+        worse: the lower mean.
+        undecided: the test does not tell them apart.
+        untested: there was no test.
+    """
+
+    first: Column
+    second: Column
+    better: int
+    worse: int
+    undecided: int
+    untested: int
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The samples of a table's runs and every test between two of them.
+
+    Attributes:
+        table: whose.
+        p: by test and row, one p-value per pair of `pairs`; None where there is no test.
+        unavailable: why a test cannot decide this table, by test and scope.
+    """
+
+    table: Table
+    p: dict[Test, tuple[tuple[float | None, ...], ...]]
+    unavailable: dict[tuple[Test, Scope], str]
+
+    @cached_property
+    def rows(self) -> tuple[Row, ...]:
+        """The tasks, in table order."""
+        return tuple(row for _, row in self.table.rows())
+
+    @cached_property
+    def columns(self) -> tuple[Column, ...]:
+        """The methods that were run here, in table order."""
+        return tuple(column for column in self.table.columns if column.run_here)
+
+    @cached_property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Indices of two different `columns`, the first smaller, in the order of `p`."""
+        return tuple(combinations(range(len(self.columns)), 2))
+
+    def competing(self, scope: Scope) -> tuple[Column, ...]:
+        """The methods in scope."""
+        return tuple(column for column in self.columns if competes(column, Rule(scope=scope)))
+
+    def samples(self, row: Row) -> tuple[Sample | None, ...]:
+        """The samples of a row, one per column of `columns`."""
+        return run_samples(self.table, row)
+
+    def count(self, pair: int) -> PairCounts:
+        """How often the first of a pair is better than the second under the table's own rule."""
+        rule = self.table.rule
+        first, second = self.pairs[pair]
+        differences, p_values = [], []
+        untested = 0
+        for row, of_row in zip(self.rows, self.p[rule.test], strict=True):
+            one, two = (self.samples(row)[side] for side in (first, second))
+            p = of_row[pair]
+            if one is None or two is None:
+                continue
+            if p is None:
+                untested += 1
+            else:
+                differences.append(one.summary.mean - two.summary.mean)
+                p_values.append(p)
+        apart = [
+            difference
+            for difference, corrected in zip(differences, adjusted(p_values, rule.correction), strict=True)
+            if corrected < rule.alpha
+        ]
+        better, worse = sum(each > 0.0 for each in apart), sum(each < 0.0 for each in apart)
+        undecided = len(p_values) - better - worse
+        return PairCounts(self.columns[first], self.columns[second], better, worse, undecided, untested)
+
+    def best_case(self, row: Row, test: Test, scope: Scope) -> tuple[float, int] | None:
+        """The smallest p-value that the test could give in a row, and the scores that takes; None for no test."""
+        samples = [
+            sample
+            for column, sample in zip(self.columns, self.samples(row), strict=True)
+            if sample is not None and competes(column, Rule(scope=scope))
+        ]
+        sizes = sorted(len(sample.starts if test in PAIRED else sample.seeds) for sample in samples)
+        smallest = smallest_p(test, sizes[-1], sizes[-2]) if len(sizes) > 1 else None
+        return None if smallest is None else (smallest, sizes[-1])
+
+
+def gather(table: Table) -> Evidence:
+    """Every test between every two methods of every row of `table`."""
+    rows = [run_samples(table, row) for _, row in table.rows()]
+    return Evidence(
+        table,
+        {test: tuple(_p_values(test, samples) for samples in rows) for test in TESTS},
+        {(test, scope): reason for test in TESTS for scope in SCOPES if (reason := _obstacle(table, test, scope))},
+    )
+
+
+def run_samples(table: Table, row: Row) -> tuple[Sample | None, ...]:
+    """The samples of a row's runs, one per column that was run here."""
+    return tuple(
+        cell.sample if cell else None for column, cell in zip(table.columns, row.cells, strict=True) if column.run_here
+    )
+
+
+def _p_values(test: Test, samples: Sequence[Sample | None]) -> tuple[float | None, ...]:
+    return tuple(
+        None if one is None or two is None else _higher_first(test, one, two) for one, two in combinations(samples, 2)
+    )
+
+
+def _higher_first(test: Test, one: Sample, two: Sample) -> float | None:
+    """The p-value as the highlight rule asks for it, the better side first: random relabellings see the order."""
+    first, second = (two, one) if two.summary.mean > one.summary.mean else (one, two)
+    try:
+        return p_value(test, first, second)
+    except ValueError:
+        return None
+
+
+def _obstacle(table: Table, test: Test, scope: Scope) -> str | None:
+    """What keeps a test from deciding the rows: starts that two methods do not share, say."""
+    rule = Rule(test, scope)
+    rows = [
+        {
+            column: cell.sample
+            for column, cell in zip(table.columns, row.cells, strict=True)
+            if cell is not None and cell.sample is not None and competes(column, rule)
+        }
+        for _, row in table.rows()
+    ]
+    try:
+        highlights(rows, rule)
+    except ValueError as error:
+        return str(error)
+    return None
