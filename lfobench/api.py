@@ -138,7 +138,7 @@ def make_rule(test: str = "welch", scope: str = "group", correction: str = "none
     ):
         if name not in known:
             raise unknown_name(kind, name, known)
-    if not 0.0 <= alpha <= 1.0:
+    if not 0.0 < alpha < 1.0:
         raise UserError(f"alpha = {alpha} is not a level.", "Choose one between 0 and 1, e.g. 0.05.")
     return Rule(cast("Test", test), cast("Scope", scope), cast("Correction", correction), alpha)
 
@@ -171,7 +171,7 @@ def table(
 
 
 def hold_against(table: Table, publication: str, margin: float, anyway: bool) -> Table:
-    """`table` with the numbers of a publication (its name, or a CSV file) beside ours.
+    """`table` with the numbers of a publication beside ours.
 
     Raises:
         UserError: an unknown publication, a margin that is not positive, or numbers that are not comparable.

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from lfobench.stats.names import Correction
 
 
+_MOST_TRIALS_OF_BOSCHLOO = 1000
+
+
 class Format(StrEnum):
     """What ``--format`` takes."""
 
@@ -80,6 +83,8 @@ def audit(
     publication = read_publication(file)
     sizes, chosen = _sizes(n, publication), _methods(methods, publication)
     audits = []
+    if count_test is CountTestName.boschloo:
+        _check_trials(publication)
     for table in publication.tables:
         compared = [method for method in chosen if method in table.methods] or table.compared or table.methods
         if chosen and not set(chosen) & set(table.methods):
@@ -95,6 +100,19 @@ def audit(
     else:
         export = rendering.markdown if format_name is Format.markdown else json_audit
         output.out(export(found), end="", highlight=False)
+
+
+def _check_trials(publication: Publication) -> None:
+    """Boschloo's test looks at every pair of counts, so its memory grows with the product of the trials."""
+    from lfobench.contract.publication import TableOfCounts
+
+    counts = [table for table in publication.tables if isinstance(table, TableOfCounts)]
+    most = max((cell.trials for table in counts for row in table.rows for cell in row.cells.values()), default=0)
+    if most > _MOST_TRIALS_OF_BOSCHLOO:
+        raise UserError(
+            f"Boschloo's test is too costly for {most:,} trials (at most {_MOST_TRIALS_OF_BOSCHLOO:,}).",
+            "Use --count-test fisher.",
+        )
 
 
 def _rule(test: str, correction: Correction, alpha: float) -> Rule:

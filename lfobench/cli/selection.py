@@ -26,7 +26,7 @@ TestName = Annotated[
 ]
 ScopeName = Annotated[str, typer.Option("--scope", help="Who competes: group (methods without expert actions) or all.")]
 CorrectionName = Annotated[str, typer.Option("--correction", help="For the number of rows tested: none, holm or bh.")]
-Alpha = Annotated[float, typer.Option(min=0.0, max=1.0, help="Level of the test.")]
+Alpha = Annotated[float, typer.Option(help="Level of the test, between 0 and 1.")]
 SuiteFilter = Annotated[
     str | None, typer.Option("--suite", help="Only records of this suite (name, or path of its file).")
 ]

@@ -9,6 +9,7 @@ from typing import Literal
 from lfobench.errors import UserError
 
 _TAIL = 5
+_LONGEST_STEP = 18
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def parse_statistic(text: str) -> Statistic:
     match text.strip().split(":"):
         case ["last5" | "last" | "best" as name]:
             return Statistic(name)
-        case ["at", step] if step.strip().isdecimal():
+        case ["at", step] if step.strip().isdecimal() and len(step) <= _LONGEST_STEP:
             return Statistic("at", int(step))
         case _:
             raise UserError(f"Unknown statistic '{text}'.", "Known: last5, last, best, at:STEP, e.g. at:10000.")

@@ -148,7 +148,8 @@ def _notes(published: PublishedScores, differing: Sequence[str], margin: float, 
             "Published",
             f"{published.name}. {published.remark} Ours against it: {AGREEMENTS['matches']} matches, the difference is "
             f"shown to be below {margin:g} points (two one-sided Welch tests, each at {alpha:g}); "
-            f"{AGREEMENTS['differs']} differs (Welch's test, p < {alpha:g}); {AGREEMENTS['undecided']} undecided, "
+            f"{AGREEMENTS['differs']} differs (Welch's test, p < {alpha:g}, each cell alone, not corrected); "
+            f"{AGREEMENTS['undecided']} undecided, "
             "neither is shown.",
         )
     ]

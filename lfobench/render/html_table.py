@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
 
-from lfobench.render.cell_text import DIVERGED, FAILED, MISSING, PLUS_MINUS, CellText, cell_text
-from lfobench.render.markup import Markup, element, joined
+from lfobench.render.cell_text import AGREEMENTS, DIVERGED, FAILED, MISSING, PLUS_MINUS, CellText, cell_text
+from lfobench.render.markup import Markup, element
 from lfobench.render.table import Cell, Note, Table, column_groups
 
 STUBS = ("Dataset", "Task")
 """Headings of the two columns that say what a row is about."""
 
-_WIDEST_PAD, _WIDEST_TRAIL = 4, 7
+_WIDEST_PAD, _WIDEST_SLOT, _WIDEST_TRAIL = 4, 7, 7
 
 
 def html(table: Table) -> str:
@@ -103,6 +104,8 @@ class _Column:
         self.run_here = table.columns[index].run_here
         texts = [cell_text(cell) for _, row in table.rows() if (cell := row.cells[index]) is not None]
         self.spread = max((len(text.std) for text in texts), default=0)
+        # Bold digits are wider: a slot of fixed width behind the mean keeps the means in line.
+        self.slot = f"spread slot-{min(self.spread, _WIDEST_SLOT)}"
         self.trail = min(1 + max((len(text.marks) for text in texts), default=0), _WIDEST_TRAIL)
 
     def cell(self, cell: Cell | None) -> Markup:
@@ -126,26 +129,30 @@ class _Column:
             return Markup("")
         if not text.std:
             # Keeps the mean in line with those above and below.
-            return element("span", f" {PLUS_MINUS} ", "0" * (self.spread - 1), class_="hollow", aria_hidden="true")
+            return element(
+                "span", f" {PLUS_MINUS} ", "0" * (self.spread - 1), class_=self.slot + " hollow", aria_hidden="true"
+            )
         missing = min(self.spread - len(text.std), _WIDEST_PAD)
         return element(
             "span",
             f" {PLUS_MINUS} ",
             element("span", text.std, class_=f"pad-{missing}" if missing else None),
-            class_="spread",
+            class_=self.slot,
         )
 
     def _trail(self, text: CellText | None) -> Markup:
         dagger = element("span", text.lost if text else "", class_="dagger") if self.run_here else Markup("")
-        marks = element("span", f" {text.marks}", class_="marks", title=_spoken(text)) if text and text.marks else ""
-        return element("span", joined([dagger, marks]), class_=f"trail trail-{self.trail}")
+        signs = [element("span", mark, class_=kind, title=meaning) for mark, kind, meaning in _signs(text)]
+        return element("span", dagger, *signs, class_=f"trail trail-{self.trail}")
 
 
-def _spoken(text: CellText) -> str | None:
-    """What the marks of a cell mean."""
-    said = [
-        f"{count} {'seed' if count == '1' else 'seeds'} {what} ({mark})"
-        for mark, count, what in ((DIVERGED, text.diverged, "diverged"), (FAILED, text.failed, "failed"))
-        if count
-    ]
-    return ", ".join(said) or None
+def _signs(text: CellText | None) -> Iterator[tuple[str, str, str]]:
+    """(mark, class, meaning) of what stands behind a number."""
+    if text is None:
+        return
+    for mark, count, what in ((DIVERGED, text.diverged, "diverged"), (FAILED, text.failed, "failed")):
+        if count:
+            yield f"{mark}{count}", "marks", f"{count} {'seed' if count == '1' else 'seeds'} {what}"
+    for agreement, sign in AGREEMENTS.items():
+        if sign == text.agreement:
+            yield sign, "agreement", agreement

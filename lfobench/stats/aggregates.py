@@ -97,7 +97,8 @@ def probability_of_improvement(
 
     Per task the Mann-Whitney statistic U / (n m): a tie counts one half. The two methods are drawn again from
     independent streams; they share tasks, not numbers of runs. Swapping them turns the value p into 1 - p exactly,
-    and the interval up to the noise of the draws.
+    and the interval up to the noise of the draws. There is no interval where every replicate is the same, as where all
+    runs of one method beat all of the other on each task: that the bootstrap sees no spread does not mean certainty.
 
     Raises:
         ValueError: the scores are empty or not finite, the methods have different numbers of tasks, or `level` is
@@ -125,7 +126,8 @@ def probability_of_improvement(
     value = float(statistic(*(np.ones((pool.values.size, 1)) for pool in pools))[0])
     if not any(pool.vary for pool in pools):
         return Estimate(value, None)
-    return Estimate(value, _interval(bootstrap(statistic, pools, replicates, seed), level))
+    drawn = bootstrap(statistic, pools, replicates, seed)
+    return Estimate(value, None if drawn.min() == drawn.max() else _interval(drawn, level))
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,15 @@ import shlex
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 import pytest
 from filelock import FileLock
 from helpers_cli import InProcess, assert_refused
 from helpers_engine import HOPPER_TASK, TINY, smoke_cell
+from helpers_folders import with_provenance, write_crash, write_records
+from helpers_records import make_cell, make_record
 from pydantic import Field as ConfigField
 from pydantic import PositiveFloat
 from safetensors.numpy import load_file
@@ -27,6 +29,7 @@ from lfobench.contract.method import MethodConfig
 from lfobench.contract.record import content_hash
 from lfobench.plan.protocol import PROTOCOLS
 from lfobench.registry import load_method, load_suite, method_names
+from lfobench.stats.names import Test
 from lfobench.store.folder import SEAL, RecordFolder
 
 METHODS = "dilo,smodice,oril,bco,bc,bc-expert"
@@ -132,9 +135,14 @@ def comma_separated(text: str) -> None:
     assert {row["method"] for row in rows if row["column_group"] != "expert"} == set(METHODS.split(","))
 
 
+def parses(text: str) -> None:
+    columns = json.loads(text)["columns"]
+    assert [column["method"] for column in columns if column["group"] == "Expert"] == ["demonstration"]
+
+
 @pytest.mark.parametrize(
     ("format_name", "check"),
-    [("terminal", terminal), ("markdown", markdown), ("latex", latex), ("csv", comma_separated)],
+    [("terminal", terminal), ("markdown", markdown), ("latex", latex), ("csv", comma_separated), ("json", parses)],
 )
 @pytest.mark.parametrize("statistic", ["last5", "last", "best"])
 def test_table(
@@ -156,6 +164,145 @@ def test_table_of_some_methods(compared: Path, lfobench_command: InProcess) -> N
         io.StringIO(lfobench_command("table", "--out", compared, "--methods", "bc,dilo", "--format", "csv").out)
     )
     assert {row["method"] for row in rows} == {"bc", "dilo", "demonstration"}
+
+
+@pytest.fixture
+def synthetic(tmp_path: Path) -> Path:
+    """Five seeds of two methods on two tasks, with a crash: a winner, a tie, and the demonstration's score."""
+    records = [
+        with_provenance(record, demonstration_score=103.0)
+        for row, behind in (("hopper", 40.0), ("ant", 0.5))
+        for method, mean in (("dilo", 90.0), ("smodice", 90.0 - behind))
+        for record in make_cell([mean + wobble for wobble in (-2.0, 1.0, 0.0, 3.0, -1.0)], method, row=row)
+    ]
+    folder = write_records(tmp_path / "synthetic", records)
+    write_crash(folder, make_record(0.0, seed=5))
+    return folder
+
+
+def highlighted(text: str) -> dict[str, set[str]]:
+    """By task, from CSV."""
+    found: dict[str, set[str]] = {}
+    for line in csv.DictReader(io.StringIO(text)):
+        found.setdefault(line["row"], set()).update([line["column"]] if line["highlighted"] == "1" else [])
+    return found
+
+
+@pytest.mark.parametrize("test", get_args(Test))
+def test_table_by_every_test(test: str, synthetic: Path, lfobench_command: InProcess) -> None:
+    """Two starts only, so no paired test by relabelling can tell anything apart; the footnote says so."""
+    outcome = lfobench_command("table", "--out", synthetic, "--test", test, "--format", "csv")
+    assert (outcome.code, outcome.err) == (0, "")
+    rows = list(csv.DictReader(io.StringIO(outcome.out)))
+    assert {row["test"] for row in rows} == {test}
+    hopper = {"dilo"} if test not in ("wilcoxon", "paired-permutation") else {"dilo", "smodice"}
+    assert highlighted(outcome.out)["hopper"] == hopper
+    assert {row["outcome"] for row in rows} <= {"better", "undecided"}
+    shown = lfobench_command("table", "--out", synthetic, "--test", test)
+    assert (shown.code, shown.err) == (0, "")
+    assert ("so no row could have come out significant" in " ".join(shown.out.split())) == (len(hopper) == 2)
+
+
+@pytest.mark.parametrize("test", get_args(Test))
+def test_table_of_real_records_by_every_test(test: str, compared: Path, lfobench_command: InProcess) -> None:
+    outcome = lfobench_command("table", "--out", compared, "--test", test, "--scope", "all", "--correction", "bh")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "Correction for multiple comparisons: Benjamini-Hochberg" in " ".join(outcome.out.split())
+
+
+def test_table_with_all_four_knobs(synthetic: Path, lfobench_command: InProcess) -> None:
+    knobs = ("--test", "student", "--scope", "all", "--correction", "holm", "--alpha", "0.01", "--stat", "at:3000")
+    found = json.loads(lfobench_command("table", "--out", synthetic, *knobs, "--format", "json").out)
+    assert found["rule"] == {"test": "student", "scope": "all", "correction": "holm", "alpha": 0.01}
+    assert found["statistic"] == "at:3000"
+    assert [row["outcome"] for row in found["rows"]] == ["better", "undecided"]
+    assert [column["group"] for column in found["columns"]] == ["No expert actions", "No expert actions", "Expert"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--test", "welsh"), ("Unknown test 'welsh'", "Did you mean 'welch'")),
+        (("--scope", "groups"), ("Unknown scope 'groups'", "Did you mean 'group'")),
+        (("--correction", "bonferroni"), ("Unknown correction 'bonferroni'", "bh, holm, none")),
+        (("--stat", "mean"), ("Unknown statistic 'mean'", "last5, last, best, at:STEP")),
+        (("--stat", "at:soon"), ("Unknown statistic 'at:soon'", "at:10000")),
+        (("--stat", "at:1500"), ("was not evaluated at step 1500", "1000, 2000, 3000, 4000, 5000")),
+        (("--methods", "dillo"), ("dillo", "Did you mean 'dilo'")),
+    ],
+    ids=" ".join,
+)
+def test_mistakes_in_a_table_are_one_line(
+    options: tuple[str, ...], words: tuple[str, ...], synthetic: Path, lfobench_command: InProcess
+) -> None:
+    outcome = lfobench_command("table", "--out", synthetic, *options)
+    assert_refused(outcome, *words)
+    assert outcome.out == ""
+
+
+@pytest.mark.parametrize(
+    ("identity", "words"),
+    [
+        ({"source": "d4rl"}, ("sources", "d4rl and generated", "--source d4rl or --source generated")),
+        ({"simulator": {"gymnasium": "1.4.0", "mujoco": "3.4.0"}}, ("simulator.mujoco = 3.3.7", "3.4.0")),
+        (
+            {
+                "protocol": {
+                    "name": "paper",
+                    "steps": 20_000,
+                    "steps_assigned": False,
+                    "evaluation_every": 1000,
+                    "evaluation_episodes": 10,
+                }
+            },
+            ("protocols", "paper and quick", "--protocol paper or --protocol quick"),
+        ),
+    ],
+    ids=["source", "simulator", "protocol"],
+)
+def test_a_table_never_mixes(
+    identity: dict[str, Any], words: tuple[str, ...], synthetic: Path, lfobench_command: InProcess
+) -> None:
+    write_records(synthetic, make_cell([1.0, 2.0], "oril", **identity))
+    assert_refused(lfobench_command("table", "--out", synthetic), *words)
+
+
+def test_a_table_shows_failed_seeds_until_they_have_a_record(synthetic: Path, lfobench_command: InProcess) -> None:
+    def dilo() -> tuple[str, str]:
+        found = csv.DictReader(io.StringIO(lfobench_command("table", "--out", synthetic, "--format", "csv").out))
+        return next((line["seeds"], line["failed_seeds"]) for line in found if line["task"] == "hopper-random-expert")
+
+    assert dilo() == ("0 1 2 3 4", "5")
+    shown = lfobench_command("table", "--out", synthetic).out
+    assert "!1" in shown
+    assert "dilo on hopper-random-expert, seed 5." in " ".join(shown.split())
+    write_records(synthetic, [make_record(90.0, seed=5)])
+    assert dilo() == ("0 1 2 3 4 5", "")
+
+
+def test_a_table_names_what_it_skips(synthetic: Path, lfobench_command: InProcess) -> None:
+    before = lfobench_command("table", "--out", synthetic, "--format", "csv").out
+    (synthetic / "failures" / "stranger.failure").write_text("{}", encoding="utf-8")
+    broken = make_record(50.0, seed=9).model_dump(mode="json")
+    broken["evaluations"][0]["returns"][0] = float("nan")
+    (synthetic / "records" / "nan.json").write_text(json.dumps({**broken, SEAL: "0"}), encoding="utf-8")
+    outcome = lfobench_command("table", "--out", synthetic, "--format", "csv")
+    assert outcome.code == 0
+    assert outcome.out == before
+    for name, reason in (("stranger.failure", "does not tell of a failed run"), ("nan.json", "is not a record")):
+        (warning,) = [line for line in outcome.err.splitlines() if name in line]
+        assert warning.startswith("Warning: ")
+        assert reason in warning
+
+
+def test_a_table_of_one_seed_says_so(tmp_path: Path, lfobench_command: InProcess) -> None:
+    folder = write_records(tmp_path / "one", [make_record(90.0), make_record(5.0, "oril")])
+    outcome = lfobench_command("table", "--out", folder)
+    assert outcome.code == 0
+    said = " ".join(outcome.out.split())
+    assert "one seed has no standard deviation and cannot be tested" in said
+    assert "Not tested for want of a second seed, both highlighted: every row" in said
+    assert "±" not in outcome.out.partition("Score")[0]
 
 
 def test_a_foreign_file_is_named_and_skipped(compared: Path, tmp_path: Path, lfobench_command: InProcess) -> None:

@@ -6,9 +6,13 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from helpers_folders import with_provenance
 from helpers_records import make_cell, make_record
 
+from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record
+from lfobench.render.building import build_table
+from lfobench.render.table import Table
 
 
 @pytest.fixture(name="make_record")
@@ -49,3 +53,31 @@ def example() -> list[Record]:
     smodice = records[first]
     records[first] = smodice.model_copy(update={"status": "diverged", "diverged_at": 12_000})
     return records
+
+
+@pytest.fixture
+def marked() -> Table:
+    """Every mark: a dagger, diverged seeds, failed seeds, a cell of failures alone, one seed, the demonstration."""
+    records = [
+        *make_cell([45.0, 50.0, 41.0], "bc", sees_expert_actions=True),
+        *make_cell([84.0, 90.0, 94.0], "oril"),
+        *make_cell([96.0, 100.0, 104.0]),
+        *make_cell([95.0, 99.0, 104.0], "oril", row="halfcheetah"),
+        *make_cell([96.0, 100.0, 104.0], row="halfcheetah"),
+        *make_cell([9.0], row="walker2d"),
+        *make_cell([5.0, 6.0, 7.5], "oril", row="ant"),
+        *make_cell([101.0, 0.0, 99.0], row="ant"),
+    ]
+    records[-2] = make_record(0.0, seed=1, row="ant", diverged_at=300)
+    crashed = [
+        make_record(0.0, "oril", 0, row="walker2d"),
+        make_record(0.0, "oril", 1, row="walker2d"),
+        make_record(0.0, seed=3, row="ant"),
+        make_record(0.0, seed=4, row="ant"),
+    ]
+    failures = [
+        Failure(identity_hash=one.identity_hash, identity=one.identity, labels=one.labels, error="x", traceback=[])
+        for one in crashed
+    ]
+    shown = [with_provenance(record, demonstration_score=103.27) for record in records if record.labels.row != "ant"]
+    return build_table([*shown, *records[-6:]], failures=failures)

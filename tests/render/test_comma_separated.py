@@ -11,6 +11,7 @@ from lfobench.errors import UserError
 from lfobench.render.building import build_table
 from lfobench.render.comma_separated import FIELDS
 from lfobench.render.formats import FORMATS, export
+from lfobench.render.table import Table
 
 
 def lines(records: list[Record]) -> list[dict[str, str]]:
@@ -53,6 +54,37 @@ def test_one_line_per_cell(example: list[Record]) -> None:
     }
     assert first["scores"] == "0.0 100.6 99.1"
     assert float(first["mean"]) == pytest.approx((0 + 100.6 + 99.1) / 3)
+
+
+def test_the_header_never_changes(example: list[Record], marked: Table) -> None:
+    """Scripts read these files by name."""
+    header = (
+        "group,row,task,column,method,preset,column_group,n,mean,std,highlighted,lost_under_correction,outcome,p,"
+        "adjusted_p,scores,seeds,diverged_seeds,failed_seeds,agreement,statistic,test,scope,correction,alpha,source,"
+        "protocol"
+    )
+    for table in (build_table(example), build_table(example[:1]), marked):
+        assert export(table, "csv").splitlines()[0] == header == ",".join(FIELDS)
+
+
+def test_every_mark_is_a_column(marked: Table) -> None:
+    found = {(line["row"], line["column"]): line for line in csv.DictReader(io.StringIO(export(marked, "csv")))}
+    assert len(found) == 4 * 4
+    dilo = found["hopper", "dilo"]
+    assert (dilo["highlighted"], dilo["lost_under_correction"], dilo["outcome"]) == ("1", "1", "better")
+    assert float(dilo["p"]) < 0.05 <= float(dilo["adjusted_p"])
+    assert (dilo["scores"], dilo["seeds"]) == ("96.0 100.0 104.0", "0 1 2")
+    failed = found["walker2d", "oril"]
+    assert (failed["n"], failed["mean"], failed["failed_seeds"], failed["scores"]) == ("0", "", "0 1", "")
+    ant = found["ant", "dilo"]
+    assert (ant["n"], ant["diverged_seeds"], ant["failed_seeds"]) == ("3", "1", "3 4")
+    expert = found["hopper", "demonstration"]
+    assert (expert["column_group"], expert["preset"], expert["mean"], expert["highlighted"]) == (
+        "expert",
+        "",
+        "103.27",
+        "0",
+    )
 
 
 def test_numbers_survive_the_round_trip(make_cell: Callable[..., list[Record]]) -> None:

@@ -3,8 +3,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lfobench.contract.record import Record, Warning
-from lfobench.contract.statistic import parse_statistic
+from lfobench.contract.statistic import Statistic, parse_statistic
 from lfobench.render.building import build_table
+from lfobench.render.table import Table
 
 
 def notes(records: list[Record], **options: object) -> dict[str, str]:
@@ -127,3 +128,44 @@ def test_warnings_of_runs_reach_the_reader_once(make_cell: Callable[..., list[Re
     records = make_cell([1.0, 2.0], warnings=[warning]) + make_cell([1.0, 2.0], "oril", warnings=[warning])
     warned = [note.text for note in build_table(records).notes if note.label == "Warning"]
     assert warned == ["The last layer is frozen. Use --preset repaired. (dilo, oril)"]
+
+
+def test_failed_seeds_are_named_and_what_to_do(marked: Table) -> None:
+    text = {note.label: note.text for note in marked.notes}
+    assert text["Failed"] == (
+        "!k marks k seeds that crashed and have no score; they are not in n: oril on walker2d-random-expert, seeds "
+        "0, 1; dilo on ant-random-expert, seeds 3, 4. The command that made the table's records tries them again."
+    )
+    assert text["Seeds"] == (
+        "n = 0 to 3 per cell, unequal. Fewer than 3: oril on walker2d-random-expert (0), dilo on "
+        "walker2d-random-expert (1)."
+    )
+
+
+def test_the_demonstration_is_explained_and_never_missing(marked: Table) -> None:
+    text = {note.label: note.text for note in marked.notes}
+    assert text["Demonstration"] == "the score of the expert trajectory that the methods observe."
+    assert "demonstration" not in text["Missing"]
+
+
+def test_notes_stand_in_one_order(marked: Table) -> None:
+    assert [note.label for note in marked.notes] == [
+        "Score",
+        "Source",
+        "Protocol",
+        "Simulator",
+        "Seeds",
+        "Highlighted",
+        "†",
+        "Presets",
+        "Demonstration",
+        "Diverged",
+        "Failed",
+        "Missing",
+    ]
+
+
+def test_a_step_is_named_with_its_thousands(make_cell: Callable[..., list[Record]]) -> None:
+    assert notes(make_cell([1.0, 2.0]), statistic=Statistic("at", 3000))["Score"].endswith(
+        "Each seed counts as the evaluation at step 3,000."
+    )

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from lfobench.contract.record import Record
 from lfobench.render.building import build_table
 from lfobench.render.formats import export
+from lfobench.render.table import Table
 
 EXAMPLE = """\
 | Dataset | Task | bc-expert § | bc § | oril | smodice | dilo |
@@ -15,12 +16,28 @@ EXAMPLE = """\
 |  | halfcheetah | 3.6 ± 0.9 | 37.8 ± 14.0 | – | **83.2 ± 28.8** | **100.9 ± 2.7** |
 """
 
+MARKED = """\
+| Dataset | Task | bc § | oril | dilo | demonstration |
+| :-- | :-- | --: | --: | --: | --: |
+| random+expert | hopper | 45.3 ± 4.5 | 89.3 ± 5.0 | **100.0 ± 4.0†** | 103.3 |
+|  | halfcheetah | – | **99.3 ± 4.5** | **100.0 ± 4.0** | 103.3 |
+|  | walker2d | – | – !2 | 9.0 | 103.3 |
+|  | ant | – | **6.2 ± 1.3** | **66.7 ± 57.7 ✗1 !2** | – |
+"""
+
 
 def test_example(example: list[Record]) -> None:
     table, _, notes = export(build_table(example), "markdown").partition("\n\n")
     assert f"{table}\n" == EXAMPLE
     assert notes.startswith("- § has access to expert actions\n- **Score**: normalised return")
     assert "gives p < 0.05." in notes
+
+
+def test_every_mark(marked: Table) -> None:
+    table, _, notes = export(marked, "markdown").partition("\n\n")
+    assert f"{table}\n" == MARKED
+    assert "- **†**: stands out with p < 0.05, and no longer when corrected by Holm over 3 rows." in notes
+    assert "- **Failed**: !k marks k seeds that crashed" in notes
 
 
 def test_the_mark_is_explained_only_where_it_is_used(make_record: Callable[..., Record]) -> None:

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 
 import pytest
+from rich.cells import cell_len
 from rich.console import Console
 
 from lfobench.contract.record import Record
@@ -28,6 +29,19 @@ random+few-expert
 ───────────────────────────────────────────────────────────────────────────────────────
 """
 
+MARKED = """\
+               Access to expert actions           No expert actions               Expert
+               ────────────────────────  ────────────────────────────────────  ─────────────
+                                     bc            oril                  dilo  demonstration
+────────────────────────────────────────────────────────────────────────────────────────────
+random+expert
+  hopper                     45.3 ± 4.5  89.3 ± 5.0      100.0 ±  4.0†*                103.3
+  halfcheetah                   –        99.3 ± 4.5*     100.0 ±  4.0 *                103.3
+  walker2d                      –           –        !2    9.0                         103.3
+  ant                           –         6.2 ± 1.3*      66.7 ± 57.7 * ✗1 !2              –
+────────────────────────────────────────────────────────────────────────────────────────────
+"""
+
 
 def draw(table: Table, width: int = 100, color: bool = False) -> str:
     console = Console(
@@ -43,6 +57,31 @@ def test_plain_output(example: list[Record]) -> None:
     assert f"{body}\n" == EXAMPLE
     assert footnote.startswith("Score")
     assert "Highlighted*" in footnote
+
+
+def test_every_mark_keeps_its_place(marked: Table) -> None:
+    body, _, footnote = draw(marked).partition("\n\n")
+    assert f"{body}\n" == MARKED
+    for label in ("†", "Demonstration", "Failed", "Diverged", "Missing"):
+        assert any(line.startswith(label) for line in footnote.splitlines())
+
+
+@pytest.mark.parametrize("color", [False, True])
+def test_decimal_points_stand_below_each_other_whatever_the_marks(marked: Table, color: bool) -> None:
+    body = re.sub(r"\x1b\[[0-9;]*m", "", draw(marked, color=color)).partition("\n\n")[0]
+    rows = [line for line in body.splitlines()[5:] if line.startswith("  ")]
+    means = [re.search(r" (100\.0|66\.7|9\.0)", row) for row in rows]
+    assert len({found.end() for found in means if found}) == 1
+    assert len([found for found in means if found]) == len(rows) == 4
+    assert len({row.rindex("±") for row in rows if row.count("±") > 1}) == 1
+
+
+@pytest.mark.parametrize("width", [48, 60, 80, 92, 120])
+def test_marks_never_widen_a_line_beyond_the_terminal(marked: Table, width: int) -> None:
+    drawn = draw(marked, width)
+    assert max(map(cell_len, drawn.splitlines())) <= width
+    for whole in ("100.0 ±  4.0†*", "66.7 ± 57.7 * ✗1 !2", "89.3 ± 5.0", "103.3"):
+        assert whole in drawn
 
 
 def test_highlighted_numbers_are_bold(make_cell: Callable[..., list[Record]]) -> None:
@@ -76,3 +115,10 @@ def test_a_single_seed_has_no_spread(make_record: Callable[..., Record]) -> None
 
 def test_markup_in_names_is_text(make_record: Callable[..., Record]) -> None:
     assert "[bold]dilo[/bold]" in draw(build_table([make_record(1.0, "[bold]dilo[/bold]")]))
+
+
+def test_a_dagger_is_not_green_and_marks_are_red(marked: Table) -> None:
+    drawn = draw(marked, color=True)
+    assert re.search(r"\x1b\[1;32m100\.0 ±  4\.0\x1b\[0m†", drawn)
+    assert re.search(r"\x1b\[31m ✗1 !2\x1b\[0m", drawn)
+    assert re.search(r"\x1b\[2m103\.3\x1b\[0m", drawn), "what was not run here is dim"

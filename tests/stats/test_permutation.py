@@ -1,190 +1,248 @@
-"""Every two-sided test against SciPy or a plain enumeration."""
+"""Tests by relabelling against SciPy and against loops over every relabelling in exact arithmetic."""
 
 from __future__ import annotations
 
+import math
+import operator
 from collections.abc import Callable
+from fractions import Fraction
 from itertools import combinations, product
+from typing import TypeAlias
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy import stats
 
-from lfobench.stats.comparison import FROM_SUMMARIES, PAIRED, p_value
-from lfobench.stats.names import Test
-from lfobench.stats.sample import Sample, sample_of
-
-Vector = NDArray[np.float64]
-SEEDED: tuple[Test, ...] = ("welch", "student", "mann-whitney", "permutation")
-ALL: tuple[Test, ...] = (*SEEDED, *sorted(PAIRED))
-ROUNDING = 1e-9
-
-# A coarse grid makes ties between sums common, and exact in floating point.
-grid = st.integers(-40, 40).map(lambda quarter: quarter / 4)
-few = st.lists(grid, min_size=2, max_size=6)
-
-
-def seeds(values: list[float] | Vector) -> Sample:
-    return sample_of([float(value) for value in values])
-
-
-def starts(values: list[float] | Vector) -> Sample:
-    return sample_of([0.0, 1.0], [float(value) for value in values])
-
-
-def by_enumeration(first: list[float], second: list[float]) -> float:
-    both = first + second
-    mean = sum(both) / len(both)
-    sums = [abs(sum(both[index] - mean for index in group)) for group in combinations(range(len(both)), len(first))]
-    return sum(value >= sums[0] - ROUNDING for value in sums) / len(sums)
-
-
-def by_signs(differences: list[float]) -> float:
-    patterns = product((1, -1), repeat=len(differences))
-    sums = [abs(sum(sign * value for sign, value in zip(signs, differences, strict=True))) for signs in patterns]
-    return sum(value >= sums[0] - ROUNDING for value in sums) / len(sums)
-
-
-@given(few, few)
-@settings(max_examples=60)
-def test_permutation_counts_every_relabelling(first: list[float], second: list[float]) -> None:
-    assert p_value("permutation", seeds(first), seeds(second)) == pytest.approx(
-        by_enumeration(first, second), abs=1e-12
-    )
-
-
-@given(few, few)
-@settings(max_examples=60)
-def test_mann_whitney_with_ties_counts_every_relabelling_of_mid_ranks(first: list[float], second: list[float]) -> None:
-    ranks = stats.rankdata(first + second).tolist()
-    expected = by_enumeration(ranks[: len(first)], ranks[len(first) :])
-    assert p_value("mann-whitney", seeds(first), seeds(second)) == pytest.approx(expected, abs=1e-12)
-
-
-@given(st.lists(grid, min_size=2, max_size=8))
-@settings(max_examples=60)
-def test_paired_permutation_counts_every_sign(differences: list[float]) -> None:
-    zero = [0.0] * len(differences)
-    found = p_value("paired-permutation", starts(differences), starts(zero))
-    assert found == pytest.approx(by_signs(differences), abs=1e-12)
-
-
-@given(st.lists(grid, min_size=2, max_size=8))
-@settings(max_examples=60)
-def test_wilcoxon_with_ties_counts_every_sign_of_mid_ranks(differences: list[float]) -> None:
-    kept = [value for value in differences if value]
-    ranks = stats.rankdata(np.abs(kept)) if kept else []
-    expected = (
-        by_signs([float(np.sign(value) * rank) for value, rank in zip(kept, ranks, strict=True)]) if kept else 1.0
-    )
-    found = p_value("wilcoxon", starts(differences), starts([0.0] * len(differences)))
-    assert found == pytest.approx(expected, abs=1e-12)
-
-
-def scipy_permutation(first: Vector, second: Vector) -> float:
-    def statistic(one: Vector, two: Vector, axis: int) -> Vector:
-        return np.asarray(one.mean(axis=axis) - two.mean(axis=axis))
-
-    found = stats.permutation_test((first, second), statistic, vectorized=True, n_resamples=np.inf)
-    return float(found.pvalue)
-
-
-@pytest.mark.parametrize(
-    ("test", "reference"),
-    [
-        ("welch", lambda one, two: stats.ttest_ind(one, two, equal_var=False).pvalue),
-        ("student", lambda one, two: stats.ttest_ind(one, two).pvalue),
-        ("mann-whitney", lambda one, two: stats.mannwhitneyu(one, two, method="exact").pvalue),
-        ("permutation", scipy_permutation),
-    ],
+from lfobench.stats.permutation import (
+    EXACT_RELABELLINGS,
+    RANDOM_RELABELLINGS,
+    permutation_test,
+    rank_sum_test,
+    sign_flip_test,
+    signed_rank_test,
 )
-@pytest.mark.parametrize("sizes", [(5, 5), (7, 7), (3, 6)])
-def test_unpaired_tests_agree_with_scipy(
-    test: Test, reference: Callable[[Vector, Vector], float], sizes: tuple[int, int]
-) -> None:
-    if test == "permutation" and sizes[0] != sizes[1]:
-        pytest.skip("SciPy doubles the smaller tail; ours counts both, which is the same only for equal sizes")
-    generator = np.random.default_rng(3)
-    for shift in (0.0, 1.0, 4.0):
-        first, second = generator.normal(shift, 1.0, sizes[0]), generator.normal(0.0, 2.0, sizes[1])
-        assert p_value(test, seeds(first), seeds(second)) == pytest.approx(reference(first, second), rel=1e-10)
+
+# Whole numbers: the references below count ties without any rounding.
+values = st.integers(-30, 130)
+samples = st.lists(values, min_size=2, max_size=5)
+pairs = st.lists(st.tuples(values, values), min_size=2, max_size=7)
+distinct = st.lists(values, min_size=5, max_size=10, unique=True)
 
 
-@pytest.mark.parametrize("count", [3, 10, 16])
-def test_paired_tests_agree_with_scipy(count: int) -> None:
-    generator = np.random.default_rng(4)
-    for shift in (0.0, 1.0):
-        first, second = generator.normal(shift, 1.0, count), generator.normal(0.0, 1.0, count)
-        one, two = starts(first), starts(second)
-        assert p_value("paired-t", one, two) == pytest.approx(stats.ttest_rel(first, second).pvalue, rel=1e-10)
-        expected = stats.wilcoxon(first, second, mode="exact").pvalue
-        assert p_value("wilcoxon", one, two) == pytest.approx(expected, rel=1e-10)
+def array(numbers: list[int]) -> np.ndarray:
+    return np.array(numbers, dtype=np.float64)
 
 
-def test_beyond_what_can_be_listed() -> None:
-    generator = np.random.default_rng(5)
-    first, second = generator.normal(0.5, 1.0, 15), generator.normal(0.0, 1.0, 15)
-    rank = p_value("mann-whitney", seeds(first), seeds(second))
-    assert rank == pytest.approx(stats.mannwhitneyu(first, second, method="asymptotic").pvalue, rel=1e-10)
-    random = p_value("permutation", seeds(first), seeds(second))
-    assert random == p_value("permutation", seeds(first), seeds(second)), "the same data give the same p"
-    student = stats.ttest_ind(first, second).pvalue
-    # 100,000 relabellings: four standard errors are 0.007 at most; the t-test is close to what they estimate.
-    assert random == pytest.approx(student, abs=0.02)
-    pairs = p_value("wilcoxon", starts(generator.normal(0.3, 1.0, 30)), starts(np.zeros(30)))
-    assert pairs is not None and 0.0 < pairs <= 1.0
-    flips = p_value("paired-permutation", starts(first - second), starts(np.zeros(15)))
-    assert flips == pytest.approx(stats.ttest_rel(first, second).pvalue, abs=0.02)
+def split(of_pairs: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    return array([one for one, _ in of_pairs]), array([two for _, two in of_pairs])
 
 
-def as_sample(test: Test, values: list[float]) -> Sample:
-    return starts(values) if test in PAIRED else seeds(values)
+def ranks(numbers: list[int]) -> list[Fraction]:
+    """Mean ranks: one more than the smaller ones, and half of the others that are equal."""
+    return [
+        sum(other < number for other in numbers) + Fraction(sum(other == number for other in numbers) + 1, 2)
+        for number in numbers
+    ]
 
 
-@pytest.mark.parametrize("test", ALL)
-@given(data=st.data())
+def over_relabellings(numbers: list[int] | list[Fraction], n: int) -> Fraction:
+    """Share of choices of n whose mean is as far from the others' as that of the first n."""
+
+    def distance(chosen: tuple[int, ...]) -> Fraction:
+        inside = [Fraction(numbers[index]) for index in chosen]
+        outside = [Fraction(number) for index, number in enumerate(numbers) if index not in chosen]
+        return abs(sum(inside) / len(inside) - sum(outside) / len(outside))
+
+    observed = distance(tuple(range(n)))
+    found = [distance(chosen) >= observed for chosen in combinations(range(len(numbers)), n)]
+    return Fraction(sum(found), len(found))
+
+
+def over_signs(differences: list[int] | list[Fraction]) -> Fraction:
+    """Share of sign patterns whose sum is as far from 0 as the observed one."""
+    observed = abs(sum(differences))
+    sums = [sum(map(operator.mul, signs, differences)) for signs in product((1, -1), repeat=len(differences))]
+    return Fraction(sum(abs(total) >= observed for total in sums), len(sums))
+
+
+@settings(max_examples=40)
+@given(samples, samples)
+def test_permutation_counts_every_relabelling(first: list[int], second: list[int]) -> None:
+    expected = float(over_relabellings(first + second, len(first)))
+    assert permutation_test(array(first), array(second)) == pytest.approx(expected, abs=1e-10)
+
+
+@settings(max_examples=15)
+@given(samples, samples)
+def test_permutation_agrees_with_scipy(first: list[int], second: list[int]) -> None:
+    """Its two-sided p doubles the smaller tail, which is this one where both sides have as many scores."""
+    size = min(len(first), len(second))
+    one, two = array(first[:size]), array(second[:size])
+    expected = stats.permutation_test(
+        (one, two), lambda x, y, axis: x.mean(axis) - y.mean(axis), vectorized=True, n_resamples=np.inf
+    ).pvalue
+    assert permutation_test(one, two) == pytest.approx(expected, abs=1e-10)
+
+
+@settings(max_examples=40)
+@given(distinct)
+def test_rank_sum_agrees_with_scipy_where_nothing_ties(numbers: list[int]) -> None:
+    first, second = array(numbers[:3]), array(numbers[3:])
+    expected = stats.mannwhitneyu(first, second, method="exact").pvalue
+    assert rank_sum_test(first, second) == pytest.approx(expected, abs=1e-10)
+
+
+@settings(max_examples=40)
+@given(st.lists(st.integers(0, 3), min_size=2, max_size=5), st.lists(st.integers(0, 3), min_size=2, max_size=5))
+def test_rank_sum_counts_every_relabelling_where_some_tie(first: list[int], second: list[int]) -> None:
+    expected = float(over_relabellings(ranks(first + second), len(first)))
+    assert rank_sum_test(array(first), array(second)) == pytest.approx(expected, abs=1e-10)
+
+
+@settings(max_examples=40)
+@given(pairs)
+def test_sign_flips_count_every_pattern(of_pairs: list[tuple[int, int]]) -> None:
+    expected = float(over_signs([one - two for one, two in of_pairs]))
+    assert sign_flip_test(*split(of_pairs)) == pytest.approx(expected, abs=1e-10)
+
+
+@settings(max_examples=40)
+@given(st.permutations(range(1, 9)), st.integers(0, 255))
+def test_signed_rank_agrees_with_scipy_where_nothing_ties(magnitudes: list[int], signs: int) -> None:
+    differences = [magnitude * (1 if signs >> bit & 1 else -1) for bit, magnitude in enumerate(magnitudes)]
+    expected = stats.wilcoxon(array(differences), method="exact").pvalue
+    assert signed_rank_test(array(differences), np.zeros(8)) == pytest.approx(expected, abs=1e-10)
+
+
+@settings(max_examples=40)
+@given(st.lists(st.integers(-3, 3), min_size=2, max_size=7))
+def test_signed_rank_counts_every_pattern_where_some_tie(differences: list[int]) -> None:
+    nonzero = [difference for difference in differences if difference]
+    signed = [
+        rank if difference > 0 else -rank
+        for difference, rank in zip(nonzero, ranks([abs(difference) for difference in nonzero]), strict=True)
+    ]
+    expected = float(over_signs(signed)) if signed else 1.0
+    assert signed_rank_test(array(differences), np.zeros(len(differences))) == pytest.approx(expected, abs=1e-10)
+
+
+RelabellingTest: TypeAlias = Callable[[np.ndarray, np.ndarray], float]
+TESTS = (permutation_test, rank_sum_test, sign_flip_test, signed_rank_test)
+
+
+@pytest.mark.parametrize("test", TESTS)
+@given(of_pairs=pairs)
 @settings(max_examples=25)
-def test_order_sides_and_origin_do_not_matter(test: Test, data: st.DataObject) -> None:
-    pairs = data.draw(st.lists(st.tuples(grid, grid), min_size=2, max_size=6))
-    first, second = [one for one, _ in pairs], [two for _, two in pairs]
-    p = p_value(test, as_sample(test, first), as_sample(test, second))
-    assert p is not None and 0.0 <= p <= 1.0
-    assert p_value(test, as_sample(test, second), as_sample(test, first)) == pytest.approx(p, rel=1e-9)
-    shuffled = data.draw(st.permutations(pairs))
-    again = [as_sample(test, [pair[side] for pair in shuffled]) for side in (0, 1)]
-    assert p_value(test, *again) == pytest.approx(p, rel=1e-9)
-    moved = [as_sample(test, [8.0 * value + 3.0 for value in side]) for side in (first, second)]
-    assert p_value(test, *moved) == pytest.approx(p, rel=1e-9)
+def test_scores_that_lie_close_together_far_from_zero_tie_as_whole_numbers_do(
+    test: RelabellingTest, of_pairs: list[tuple[int, int]]
+) -> None:
+    """Saturated methods score 100.01 and 100.02, and none of these is exactly a binary fraction."""
+    whole, saturated = split(of_pairs), split([(100_000 + one, 100_000 + two) for one, two in of_pairs])
+    expected = test(*whole)
+    assert test(*(side / 1000 for side in saturated)) == expected
 
 
-@pytest.mark.parametrize("test", ALL)
-def test_one_score_on_a_side_is_no_test(test: Test) -> None:
-    alone = sample_of([1.0], [1.0])
-    other = alone if test in PAIRED else sample_of([1.0, 2.0, 3.0])
-    assert p_value(test, alone, other) is None
+@pytest.mark.parametrize("test", TESTS)
+def test_equal_scores_are_not_told_apart(test: RelabellingTest) -> None:
+    for value, count in ((0.0, 4), (100 / 3, 4), (0.1, 30)):
+        assert test(np.full(count, value), np.full(count, value)) == 1.0
 
 
-@pytest.mark.parametrize("test", ALL)
-def test_no_spread_on_either_side(test: Test) -> None:
-    flat = sample_of([5.0] * 4, [5.0] * 4)
-    assert p_value(test, flat, flat) == 1.0
-    apart = p_value(test, flat, sample_of([9.0] * 4, [9.0] * 4))
-    expected = {"welch": 0.0, "student": 0.0, "paired-t": 0.0, "mann-whitney": 2 / 70, "permutation": 2 / 70}
-    assert apart == pytest.approx(expected.get(test, 2 / 16))
+# --- beyond what can be listed ---------------------------------------------------------------------------------------
+
+# Of a share estimated from random relabellings; four of its standard errors are not left by chance.
+RANDOM_ERROR = 4 * math.sqrt(0.25 / RANDOM_RELABELLINGS)
 
 
-def test_what_a_summary_cannot_answer_is_refused() -> None:
-    summary = Sample(sample_of([1.0, 2.0]).summary)
-    for test in ALL:
-        if test in FROM_SUMMARIES:
-            assert p_value(test, summary, summary) == 1.0
-        else:
-            with pytest.raises(ValueError, match="not a summary"):
-                p_value(test, summary, summary)
+def far_apart(n: int, m: int, shift: float) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(3)
+    return random.normal(shift, 1.0, n), random.normal(0.0, 1.0, m)
 
 
-def test_pairs_need_the_same_starts() -> None:
-    with pytest.raises(ValueError, match="one side has 2 and the other 3"):
-        p_value("paired-t", starts([1.0, 2.0]), starts([1.0, 2.0, 3.0]))
+def test_the_limit_is_two_groups_of_ten_and_seventeen_pairs() -> None:
+    assert math.comb(20, 10) <= EXACT_RELABELLINGS < math.comb(21, 10)
+    assert 2**17 <= EXACT_RELABELLINGS < 2**18
+
+
+def test_random_relabellings_come_close_to_the_whole_distribution() -> None:
+    """22 whole numbers: the distribution of the first group's sum by dynamic programming, C(22, 11) relabellings."""
+    random = np.random.default_rng(1)
+    numbers = [int(number) for number in random.integers(0, 40, 22)]
+    ways = {(0, 0): 1}
+    for number in numbers:
+        for (count, total), found in list(ways.items()):
+            key = (count + 1, total + number)
+            ways[key] = ways.get(key, 0) + found
+    observed = abs(2 * sum(numbers[:11]) - sum(numbers))
+    extreme = sum(
+        found for (count, total), found in ways.items() if count == 11 and abs(2 * total - sum(numbers)) >= observed
+    )
+    expected = extreme / math.comb(22, 11)
+    p = permutation_test(array(numbers[:11]), array(numbers[11:]))
+    assert p == pytest.approx(expected, abs=RANDOM_ERROR)
+    assert 0.01 < expected < 0.99
+
+
+def test_random_sign_flips_come_close_to_the_whole_distribution() -> None:
+    random = np.random.default_rng(2)
+    differences = [int(number) for number in random.integers(-20, 30, 24)]
+    ways = {0: 1}
+    for difference in differences:
+        added: dict[int, int] = {}
+        for total, found in ways.items():
+            for signed in (total + difference, total - difference):
+                added[signed] = added.get(signed, 0) + found
+        ways = added
+    expected = sum(found for total, found in ways.items() if abs(total) >= abs(sum(differences))) / 2**24
+    p = sign_flip_test(array(differences), np.zeros(24))
+    assert p == pytest.approx(expected, abs=RANDOM_ERROR)
+    assert 0.01 < expected < 0.99
+
+
+def test_random_relabellings_depend_on_the_scores_alone() -> None:
+    first, second = far_apart(12, 15, 0.6)
+    p = permutation_test(first, second)
+    assert permutation_test(first, second) == p
+    assert permutation_test(second, first) == p
+    assert permutation_test(first[::-1], second[::-1]) == p
+    assert 0.0 < p < 1.0
+    one, two = far_apart(20, 20, 0.3)
+    assert sign_flip_test(one, two) == sign_flip_test(one, two) == sign_flip_test(two, one)
+
+
+def test_random_relabellings_never_give_zero() -> None:
+    """The observed labelling counts as one of them (Phipson and Smyth 2010)."""
+    least = 1 / (RANDOM_RELABELLINGS + 1)
+    assert permutation_test(*far_apart(12, 12, 1000.0)) == pytest.approx(least)
+    assert sign_flip_test(*far_apart(30, 30, 1000.0)) == pytest.approx(least)
+
+
+def test_many_ranks_are_approximately_normal() -> None:
+    first, second = far_apart(30, 25, 0.5)
+    expected = stats.mannwhitneyu(first, second, method="asymptotic").pvalue
+    assert rank_sum_test(first, second) == pytest.approx(expected, abs=1e-10)
+    one, two = far_apart(40, 40, 0.4)
+    assert signed_rank_test(one, two) == pytest.approx(stats.wilcoxon(one - two, method="asymptotic").pvalue, abs=1e-10)
+
+
+def test_the_normal_approximations_continue_the_exact_tests() -> None:
+    """Just beyond the limit and where decisions fall; the exact p-values are SciPy's."""
+    first, second = far_apart(11, 11, 0.8)
+    assert rank_sum_test(first, second) == pytest.approx(
+        stats.mannwhitneyu(first, second, method="exact").pvalue, abs=0.01
+    )
+    one, two = far_apart(18, 18, 1.2)
+    assert signed_rank_test(one, two) == pytest.approx(stats.wilcoxon(one - two, method="exact").pvalue, abs=0.01)
+
+
+def test_ties_among_many_ranks_are_corrected_for() -> None:
+    """SciPy's correction for ties, on scores of which many are equal but for rounding."""
+    random = np.random.default_rng(5)
+    tenths = random.integers(0, 6, (2, 40))
+    one, two = 50.0 + tenths / 10
+    nonzero = (tenths[0] - tenths[1]).astype(np.float64)
+    nonzero = nonzero[nonzero != 0]
+    expected = stats.wilcoxon(nonzero, method="asymptotic").pvalue
+    assert signed_rank_test(one, two) == pytest.approx(expected, abs=1e-10)

@@ -20,6 +20,7 @@ LEFT, RIGHT, TOP, BOTTOM = 40.0, 10.0, 10.0, 34.0
 
 RANDOM, EXPERT = 0.0, 100.0
 _DASH = 1.6
+_MARGIN = 0.03
 
 
 @dataclass(frozen=True)
@@ -128,21 +129,23 @@ def _axes(steps: Sequence[int], low: float, high: float) -> Axes:
     first, last = (steps[0], steps[-1]) if steps else (0, 1)
     start = 0 if len(steps) > 1 or first > 0 else first - 1
     end = max(last, start + 1)
-    score_ticks = ticks(low, high)
+    margin = _MARGIN * (high - low)
     return Axes(
         (start, end),
-        (min(low, score_ticks[0]), max(high, score_ticks[-1])),
-        tuple((tick, _thousands(tick)) for tick in ticks(start, end) if start <= tick <= end),
-        tuple((tick, f"{tick:g}".replace("-", "−")) for tick in score_ticks),
+        (low - margin, high + margin),
+        tuple((tick, _thousands(tick)) for tick in ticks(start, end)),
+        tuple((tick, f"{tick:g}".replace("-", "−")) for tick in ticks(low, high)),
     )
 
 
 def ticks(low: float, high: float, most: int = 5) -> list[float]:
-    """At most `most` + 2 multiples of 1, 2 or 5 times a power of ten, from the last at or below `low` on."""
+    """At most `most` + 1 multiples of 1, 2 or 5 times a power of ten between two numbers, the first the smaller."""
     rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
-    distance = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough * (1.0 - 1e-9))
-    first, last = math.floor(low / distance + 1e-9), math.ceil(high / distance - 1e-9)
+    # A quotient such as 0.3 / 0.1 is a little off a whole number.
+    slack = 1e-9
+    distance = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough * (1.0 - slack))
+    first, last = math.ceil(low / distance - slack), math.floor(high / distance + slack)
     return [round(index * distance, 10) for index in range(first, last + 1)]
 
 

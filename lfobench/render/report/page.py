@@ -165,7 +165,7 @@ def _table_section(evidence: Evidence) -> Markup:
             class_="lfobench-table",
         ),
         element("div", role="status", class_="spoken-status", id="status"),
-        element("aside", id="details", role="dialog", aria_label="Learning curves of a cell", hidden=True),
+        element("aside", id="details", aria_label="Learning curves of a cell", aria_live="polite", hidden=True),
         id="table",
     )
 

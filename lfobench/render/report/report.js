@@ -250,6 +250,17 @@ function startArrows(body) {
   });
 }
 
+// A link to something folded away unfolds it, in browsers that do not do so themselves.
+function startLinks() {
+  document.addEventListener("click", (event) => {
+    const link = event.target.closest?.('a[href^="#"]');
+    if (!link) return;
+    for (let node = byId(link.hash.slice(1)); node; node = node.parentElement) {
+      if (node instanceof HTMLDetailsElement) node.open = true;
+    }
+  });
+}
+
 // Copying
 
 function startCopying() {
@@ -276,4 +287,5 @@ function startCopying() {
 startKnobs();
 for (const table of document.querySelectorAll("table.sortable")) startSorting(table);
 startCells();
+startLinks();
 startCopying();

@@ -86,7 +86,7 @@ def runs_section(table: Table, records: Sequence[Record], statistic: Statistic) 
             "Every field that decides a run's result, apart from its seed, and the SHA-256 of each run's identity.",
             class_="caption",
         ),
-        *identities,
+        element("details", element("summary", f"{len(identities)} identities"), *identities),
         id="runs",
     )
 

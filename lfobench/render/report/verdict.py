@@ -215,13 +215,19 @@ def _aggregates(shared: Compared) -> Markup:
         "div",
         element("h3", "Over all tasks"),
         element(
-            "table",
+            "div",
             element(
-                "thead",
-                element("tr", element("th", "Method", scope="col"), element("th", "Interquartile mean", scope="col")),
+                "table",
+                element(
+                    "thead",
+                    element(
+                        "tr", element("th", "Method", scope="col"), element("th", "Interquartile mean", scope="col")
+                    ),
+                ),
+                element("tbody", *rows),
+                class_="plain",
             ),
-            element("tbody", *rows),
-            class_="plain",
+            class_="scroll",
         ),
         element(
             "p",
