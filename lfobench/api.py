@@ -29,7 +29,6 @@ from lfobench.registry import load_suite, suite_names
 from lfobench.render.against import published_scores, with_published
 from lfobench.render.building import build_table
 from lfobench.render.formats import export
-from lfobench.render.report.page import report as report_page
 from lfobench.render.table import Table
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.names import Correction, Scope, Test
@@ -217,6 +216,9 @@ def report(
     Raises:
         UserError: as the command line says it.
     """
+    # Imported here because it loads matplotlib's colours and nothing else needs it.
+    from lfobench.render.report.page import report as report_page
+
     rule = make_rule(test, scope, correction, alpha)
     counted = parse_statistic(statistic)
     chosen = _selected(out, **filters)

@@ -105,6 +105,7 @@ def audit(
 def _check_trials(publication: Publication) -> None:
     """Boschloo's test looks at every pair of counts, so its memory grows with the product of the trials."""
     from lfobench.contract.publication import TableOfCounts
+    from lfobench.errors import UserError
 
     counts = [table for table in publication.tables if isinstance(table, TableOfCounts)]
     most = max((cell.trials for table in counts for row in table.rows for cell in row.cells.values()), default=0)

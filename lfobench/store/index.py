@@ -54,7 +54,7 @@ class Stamp(NamedTuple):
     @property
     def settled(self) -> bool:
         """Whether any later edit gives another stamp; one within the same tick of the clock might not."""
-        return time.time_ns() - max(self.modified, self.changed) > COARSEST_CLOCK
+        return time.time_ns() - self.modified > COARSEST_CLOCK
 
 
 class RunFields(_Model):

@@ -114,4 +114,4 @@ def test_names_and_folders_that_do_not_do(before: Path, tmp_path: Path, lfobench
     assert_refused(lfobench_command("compare", before, elsewhere), "no cell in common")
     assert_refused(lfobench_command("compare", "dilo", "bc", "--out", before, "--allow", "data"), "--allow")
     assert_refused(lfobench_command("compare", "dilo", "bc", "--out", before, "--test", "welsh"), "welch")
-    assert_refused(lfobench_command("compare", "dilo", "bc", "--out", before, "--alpha", "0"), "--alpha")
+    assert_refused(lfobench_command("compare", "dilo", "bc", "--out", before, "--alpha", "0"), "alpha = 0")

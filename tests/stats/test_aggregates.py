@@ -87,8 +87,8 @@ def test_probability_of_improvement_is_the_mann_whitney_statistic(tasks: list[tu
 
 
 def test_a_tie_counts_half_and_a_sure_win_one() -> None:
-    assert aggregates.probability_of_improvement([[1.0, 1.0]], [[1.0, 1.0]]) == Estimate(0.5, Interval(0.5, 0.5, 0.95))
-    assert aggregates.probability_of_improvement([[2.0, 3.0]], [[1.0]]) == Estimate(1.0, Interval(1.0, 1.0, 0.95))
+    assert aggregates.probability_of_improvement([[1.0, 1.0]], [[1.0, 1.0]]) == Estimate(0.5, None)
+    assert aggregates.probability_of_improvement([[2.0, 3.0]], [[1.0]]) == Estimate(1.0, None)
 
 
 def test_swapped_methods_have_nearly_mirrored_intervals() -> None:

@@ -239,10 +239,10 @@ def _aggregates(shared: Compared) -> Markup:
 
 
 def _bootstrap() -> str:
-    return f"the {LEVEL:.0%} interval of a bootstrap stratified by task, {REPLICATES:,} replicates"
+    return f"the {LEVEL:.0%} interval of a bootstrap stratified by task, {REPLICATES:,} replicates, where these differ"
 
 
 def _estimate(estimate: Estimate, digits: int) -> str:
     interval = estimate.interval
-    ends = f" [{interval.low:z.{digits}f}, {interval.high:z.{digits}f}]" if interval else " (no interval: one run each)"
+    ends = f" [{interval.low:z.{digits}f}, {interval.high:z.{digits}f}]" if interval else " (no interval)"
     return f"{estimate.value:z.{digits}f}{ends}"

@@ -15,6 +15,7 @@ from lfobench.render.plots.figure import PaperFigure
 from lfobench.render.plots.improvement import MAP, improvement
 from lfobench.render.plots.profiles import profiles
 from lfobench.render.plots.ranking import ranking
+from lfobench.stats.aggregates import probability_of_improvement
 
 ROWS = ("hopper", "ant", "walker2d", "halfcheetah")
 
@@ -67,9 +68,20 @@ def test_one_seed_per_task_has_a_profile_without_a_band() -> None:
 
 
 def test_cells_of_the_matrix_hold_the_probability_and_its_interval() -> None:
+    first, second = [1.0, 2.0, 3.0, 4.0], [0.0, 0.5, 1.0, 2.5]
+    texts = improvement(build_table(make_cell(first, "dilo") + make_cell(second, "oril"))).axes[0].texts
+    ends = probability_of_improvement([first], [second]).interval
+    assert ends is not None
+    low, high = round(100 * ends.low), round(100 * ends.high)
+    # 13 of 16 pairs are won and one is tied.
+    assert [text.get_text() for text in texts] == ["84", f"{low}–{high}", "16", f"{100 - high}–{100 - low}"]
+    assert {text.get_fontweight() for text in texts} == {"normal"}
+
+
+def test_a_clean_separation_has_no_interval_of_no_width() -> None:
     figure = improvement(build_table(ordered(2)))
-    assert [text.get_text() for text in figure.axes[0].texts] == ["100", "100–100", "0", "0–0"]
-    assert [text.get_fontweight() for text in figure.axes[0].texts] == ["bold", "normal", "bold", "normal"]
+    assert [text.get_text() for text in figure.axes[0].texts] == ["100", "0"]
+    assert "shows no spread" in figure.caption
 
 
 def test_mirrored_cells_add_up_to_one_and_what_is_undecided_is_not_bold() -> None:
