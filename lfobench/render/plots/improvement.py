@@ -78,7 +78,8 @@ def improvement(table: Table, width: float = WIDTHS["column"]) -> PaperFigure:
             f"Below it the {LEVEL:.0%} interval of a bootstrap stratified by task, {REPLICATES:,} replicates; "
             "bold where it leaves out 50, uncorrected for the number of pairs."
             if drawn
-            else "There are no intervals: with one run per task, or runs that never overlap, the bootstrap shows no spread.",
+            else "There are no intervals: with one run per task, or runs that never overlap, "
+            "the bootstrap shows no spread.",
             shared_tasks(compared),
             run_score(table),
             table=table,
