@@ -148,7 +148,9 @@ def _rows(cells: Mapping[str, Cells], rule: Rule, others: Mapping[str, Cells], c
 
 
 def _competing(row: Cells, rule: Rule) -> dict[Column, Sample]:
-    return {column: cell.sample for column, cell in row.items() if cell.sample is not None and competes(column, rule)}
+    return {
+        column: cell.sample for column, cell in row.items() if cell.sample is not None and competes(column, rule.scope)
+    }
 
 
 def _blocks(rows: Sequence[Row], example: Mapping[str, Record]) -> tuple[Block, ...]:

@@ -31,7 +31,7 @@ def footnote(table: Table, columns: Columns) -> tuple[Note, ...]:
         _protocol(table.protocol, columns, records),
         _simulator(records),
         *_precision(records),
-        _seeds(table),
+        seeds_note(table),
         *highlight_notes(table),
         *_configurations(table.protocol, columns),
         *_demonstration(table),
@@ -104,7 +104,8 @@ def _precision(records: Sequence[Record]) -> Iterator[Note]:
         yield Note("Precision", f"matrix products in {' and '.join(sorted(kinds))}.")
 
 
-def _seeds(table: Table) -> Note:
+def seeds_note(table: Table) -> Note:
+    """How many seeds stand behind a cell, and which."""
     cells = [(row, column, cell) for row, column, cell in table.cells() if cell is not None and column.run_here]
     sizes = [len(cell.seeds) for _, _, cell in cells]
     most, fewest = max(sizes), min(sizes)

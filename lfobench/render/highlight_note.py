@@ -87,7 +87,7 @@ def _sizes(table: Table, row: Row) -> tuple[int, int]:
     samples = [
         cell.sample
         for column, cell in zip(table.columns, row.cells, strict=True)
-        if cell is not None and cell.sample is not None and competes(column, table.rule)
+        if cell is not None and cell.sample is not None and competes(column, table.rule.scope)
     ]
     sizes = sorted(len(sample.starts if table.rule.test in PAIRED else sample.seeds) for sample in samples)
     return sizes[-1], sizes[-2]

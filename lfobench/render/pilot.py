@@ -12,7 +12,7 @@ from lfobench.contract.statistic import Statistic
 from lfobench.errors import UserError
 from lfobench.render.building import build_table
 from lfobench.render.columns import arrange_columns
-from lfobench.render.table import Column, Note
+from lfobench.render.table import Note, competes
 from lfobench.stats.names import Scope
 from lfobench.stats.sample import Sample
 
@@ -76,7 +76,7 @@ def read_pilot(
         cells = {
             column: cell.sample
             for column, cell in zip(table.columns, row.cells, strict=True)
-            if cell is not None and cell.sample is not None and column in columns and _competes(column, scope)
+            if cell is not None and cell.sample is not None and column in columns and competes(column, scope)
         }
         best = sorted(cells, key=lambda column: -cells[column].summary.mean)[:2]
         if len(best) < 2:
@@ -112,10 +112,6 @@ def run_seconds(record: Record) -> float | None:
     evaluate, load = (_number(seconds.get(kind)) or 0.0 for kind in ("evaluate", "load"))
     spent = max(train, evaluate) if _beside(record) else train + evaluate
     return (spent + load) / max(1.0, _number(record.provenance.get("seeds_trained_together")) or 1.0)
-
-
-def _competes(column: Column, scope: Scope) -> bool:
-    return scope == "all" or column.kind == "observations"
 
 
 def _seconds(records: Sequence[Record], task: str) -> float | None:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from lfobench.contract.statistic import Statistic
 from lfobench.stats.highlight import Outcome, Rule
-from lfobench.stats.names import Agreement
+from lfobench.stats.names import Agreement, Scope
 from lfobench.stats.sample import Sample
 from lfobench.stats.summary import Summary
 
@@ -43,9 +43,9 @@ class Column:
         return self.kind in ("actions", "observations")
 
 
-def competes(column: Column, rule: Rule) -> bool:
-    """Whether the highlight rule looks at the column."""
-    return column.run_here if rule.scope == "all" else column.kind == "observations"
+def competes(column: Column, scope: Scope) -> bool:
+    """Whether methods are compared in this column."""
+    return column.run_here if scope == "all" else column.kind == "observations"
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,13 @@ def interquartile_mean(scores: Scores, level: float = 0.95, replicates: int = RE
         ValueError: the scores are empty or not finite, or `level` is not strictly between 0 and 1.
     """
     pool = strata(scores)
+    return _estimate(pool, interquartile_statistic(pool), level, replicates, seed)
+
+
+def interquartile_statistic(pool: Strata) -> Callable[[Counts], Values]:
+    """The interquartile mean of every replicate, from how often each run of `pool` was drawn ``[N, B]``."""
     order = np.argsort(pool.values, kind="stable")
-    values = pool.values[order]
-    weights = pool.weights[order, None]
+    values, weights = pool.values[order], pool.weights[order, None]
     low = float(values.size // 4)
     high = values.size - low
 
@@ -49,7 +53,7 @@ def interquartile_mean(scores: Scores, level: float = 0.95, replicates: int = RE
         kept = np.diff(np.clip(below, low, high), axis=0, prepend=low)
         return np.asarray(values @ kept / (high - low))
 
-    return _estimate(pool, statistic, level, replicates, seed)
+    return statistic
 
 
 def mean(scores: Scores, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0) -> Estimate:

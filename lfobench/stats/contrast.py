@@ -11,13 +11,13 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from lfobench.stats.aggregates import probability_of_improvement
+from lfobench.stats.aggregates import interquartile_statistic, probability_of_improvement
 from lfobench.stats.bootstrap import REPLICATES, Counts, Strata, Values, bootstrap, percentile_interval, strata
 from lfobench.stats.comparison import PAIRED, p_value
 from lfobench.stats.correction import adjusted
@@ -157,7 +157,7 @@ def _aggregate(pairs: Mapping[Key, tuple[Sample, Sample]], level: float, replica
 
 def _difference_of_interquartile_means(subject: Strata, reference: Strata, level: float, replicates: int) -> Estimate:
     """With the percentile interval of the two sides' independent, stratified bootstraps."""
-    one, two = _interquartile_mean(subject), _interquartile_mean(reference)
+    one, two = interquartile_statistic(subject), interquartile_statistic(reference)
 
     def statistic(counts_one: Counts, counts_two: Counts) -> Values:
         return one(counts_one) - two(counts_two)
@@ -165,17 +165,3 @@ def _difference_of_interquartile_means(subject: Strata, reference: Strata, level
     value = statistic(*(np.ones((pool.values.size, 1)) for pool in (subject, reference)))[0]
     low, high = percentile_interval(bootstrap(statistic, [subject, reference], replicates), level)
     return Estimate(float(value), Interval(float(low), float(high), level))
-
-
-def _interquartile_mean(pool: Strata) -> Callable[[Counts], Values]:
-    """`aggregates.interquartile_mean` of every replicate, from how often each run was drawn ``[N, B]``."""
-    order = np.argsort(pool.values, kind="stable")
-    values, weights = pool.values[order], pool.weights[order, None]
-    low = float(values.size // 4)
-    high = values.size - low
-
-    def statistic(counts: Counts) -> Values:
-        below = np.cumsum(counts[order] * weights, axis=0)
-        return np.asarray(values @ np.diff(np.clip(below, low, high), axis=0, prepend=low) / (high - low))
-
-    return statistic

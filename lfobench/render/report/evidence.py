@@ -75,7 +75,7 @@ class Evidence:
 
     def competing(self, scope: Scope) -> tuple[Column, ...]:
         """The methods in scope."""
-        return tuple(column for column in self.columns if competes(column, Rule(scope=scope)))
+        return tuple(column for column in self.columns if competes(column, scope))
 
     def samples(self, row: Row) -> tuple[Sample | None, ...]:
         """The samples of a row, one per column of `columns`."""
@@ -111,7 +111,7 @@ class Evidence:
         samples = [
             sample
             for column, sample in zip(self.columns, self.samples(row), strict=True)
-            if sample is not None and competes(column, Rule(scope=scope))
+            if sample is not None and competes(column, scope)
         ]
         sizes = sorted(len(sample.starts if test in PAIRED else sample.seeds) for sample in samples)
         smallest = smallest_p(test, sizes[-1], sizes[-2]) if len(sizes) > 1 else None
@@ -157,7 +157,7 @@ def _obstacle(table: Table, test: Test, scope: Scope) -> str | None:
         {
             column: cell.sample
             for column, cell in zip(table.columns, row.cells, strict=True)
-            if cell is not None and cell.sample is not None and competes(column, rule)
+            if cell is not None and cell.sample is not None and competes(column, rule.scope)
         }
         for _, row in table.rows()
     ]

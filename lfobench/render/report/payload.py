@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from lfobench.render.cell_text import LOST
-from lfobench.render.footnote import _seeds as footnote_of_seeds
+from lfobench.render.footnote import seeds_note
 from lfobench.render.highlight_note import CORRECTIONS, SCOPES
 from lfobench.render.highlight_note import TESTS as WORDS
 from lfobench.render.markup import Markup, printable
@@ -80,7 +80,7 @@ def _best_cases(evidence: Evidence, row: Row) -> dict[str, dict[str, list[Any] |
 
 def _seeds_note(table: Table, test: Test) -> str:
     """The footnote's word on seeds says what they allow, which a paired test changes."""
-    return footnote_of_seeds(replace(table, rule=replace(table.rule, test=test))).text
+    return seeds_note(replace(table, rule=replace(table.rule, test=test))).text
 
 
 def _row(evidence: Evidence, index: int, panel: Panel) -> dict[str, Any]:
