@@ -30,6 +30,13 @@ class _Recipe(_Fields):
     demonstration_rows: StrictInt
 
 
+class _TrajectoryRecipe(_Fields):
+    offline_trajectories: StrictInt
+    expert: str
+    expert_trajectories: StrictInt
+    expert_transitions: StrictInt | None
+
+
 class _Protocol(_Fields):
     name: str
     steps: StrictInt
@@ -47,7 +54,7 @@ class _Identity(_Fields):
     set: dict[str, Any]
     task: str
     environment: _Environment
-    recipe: _Recipe
+    recipe: _TrajectoryRecipe | _Recipe
     source: str
     protocol: _Protocol
     simulator: dict[str, str]

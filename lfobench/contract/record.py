@@ -25,6 +25,9 @@ shared networks, the training loop or evaluation change a number. A method's own
 
 Status = Literal["finished", "diverged"]
 
+SUCCESS = "success"
+"""The outcome of an episode that did what the task asks for; any other outcome is a failure by that name."""
+
 
 def canonical_json(value: Any) -> str:
     """The one spelling of a JSON value that hashes are taken of."""
@@ -48,12 +51,23 @@ class Evaluation(_Model):
         min_length=1, description="Undiscounted raw return of every episode, in episode order."
     )
     lengths: list[int] = Field(min_length=1, description="Steps of every episode.")
+    outcomes: list[str] | None = Field(
+        default=None,
+        description="How every episode ended, in the environment's words, where it says so: success, or which failure.",
+    )
 
     @model_validator(mode="after")
-    def _one_length_each(self) -> Evaluation:
+    def _one_of_each(self) -> Evaluation:
         if len(self.returns) != len(self.lengths):
             raise ValueError(f"it has {len(self.returns)} returns and {len(self.lengths)} lengths")
+        if self.outcomes is not None and len(self.returns) != len(self.outcomes):
+            raise ValueError(f"it has {len(self.returns)} returns and {len(self.outcomes)} outcomes")
         return self
+
+    @property
+    def successes(self) -> int | None:
+        """Episodes that succeeded; None where the environment does not say how they ended."""
+        return None if self.outcomes is None else self.outcomes.count(SUCCESS)
 
 
 class Metrics(_Model):
@@ -81,6 +95,16 @@ class Warning(_Model):
     remedy: str
 
 
+class Tuning(_Model):
+    """How a run's hyperparameters were chosen, and what the choice cost."""
+
+    grid: dict[str, list[Any]] = Field(description="Field to the values tried; every combination of them was.")
+    chosen: dict[str, Any] = Field(description="Field to the value that this run has.")
+    criterion: str = Field(description="What was compared, e.g. mean score over 20 validation starts.")
+    runs: int = Field(ge=1, description="Trainings behind the choice.")
+    steps: int = Field(ge=1, description="Gradient steps of those, all together, in every stage.")
+
+
 class Record(_Model):
     """One run. See the module docstring."""
 
@@ -91,7 +115,12 @@ class Record(_Model):
     status: Status
     diverged_at: int | None = Field(description="Step at which a non-finite value was seen, if any.")
     evaluations: list[Evaluation]
+    further: Evaluation | None = Field(
+        default=None,
+        description="Episodes of the trained policy from further fixed starts, the same in every record of a task.",
+    )
     metrics: list[Metrics]
+    tuning: Tuning | None = Field(default=None, description="Where hyperparameters were chosen from a grid.")
     warnings: list[Warning]
     provenance: dict[str, Any] = Field(description="Versions, device, wall time, data fingerprint, revision.")
 
