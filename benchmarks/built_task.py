@@ -18,9 +18,9 @@ import numpy as np
 import torch
 
 from benchmarks.pairs import Contender, Spread, alternate
-from lfobench.contract.suite import Task
+from lfobench.contract.episodes import Episodes
+from lfobench.contract.suite import Recipe, Task
 from lfobench.data.cache import PartCache
-from lfobench.data.episodes import Episodes
 from lfobench.data.firewall import view
 from lfobench.data.source import load_task
 from lfobench.engine.job import Job, carry_out
@@ -72,7 +72,9 @@ def cell_of(method: str, protocol: str, device: torch.device, steps: int | None 
 
 def small(cell: Cell) -> Cell:
     """The cell with a hundredth of its data, for a run that only shows that everything runs."""
-    recipe = replace(cell.task.recipe, offline_transitions=SHARD_TRANSITIONS, expert_trajectories=5)
+    whole = cell.task.recipe
+    assert isinstance(whole, Recipe)
+    recipe = replace(whole, offline_transitions=SHARD_TRANSITIONS, expert_trajectories=5)
     task: Task = replace(cell.task, recipe=recipe)
     return replace(cell, task=task)
 

@@ -10,12 +10,12 @@ Rows are indices into stacked observations; nothing is copied.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lfobench.contract.episodes import BoolArray, Episodes, IntArray
 from lfobench.contract.method import Termination
-from lfobench.data.episodes import BoolArray, Episodes, IntArray
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,23 @@ class Rows:
 
     def first(self, count: int) -> Rows:
         """The first `count` sampled rows."""
-        count = min(count, self.sampled)
+        return self.at(np.arange(min(count, self.sampled)))
+
+    def at(self, row: IntArray) -> Rows:
+        """The rows `row` ``[n]``, in that order, all of them sampled."""
         second = self.second_next_observation
         return Rows(
-            self.observation[:count],
-            self.action[:count],
-            self.next_observation[:count],
-            None if second is None else second[:count],
-            self.terminated[:count],
-            count,
+            self.observation[row],
+            self.action[row],
+            self.next_observation[row],
+            None if second is None else second[row],
+            self.terminated[row],
+            len(row),
         )
+
+    def without_second(self) -> Rows:
+        """The same rows as plain transitions."""
+        return replace(self, second_next_observation=None)
 
     def shifted(self, observations: int, actions: int) -> Rows:
         """The same rows when `observations` and `actions` rows are stacked before theirs."""
@@ -139,6 +146,13 @@ def exact_transitions(episodes: Episodes) -> Rows:
     )
 
 
+def triples_within(episodes: Episodes) -> Rows:
+    """Every three successive observations of one episode."""
+    row = np.flatnonzero(~episodes.last_transition)
+    first = episodes.observation_of_transition[row]
+    return Rows(first, row, first + 1, first + 2, np.zeros(len(row), np.bool_), len(row))
+
+
 def exact_triples(episodes: Episodes, termination: Termination, absorbing: int) -> Rows:
     """Every three successive observations of one episode, and what `termination` adds at a terminal step.
 
@@ -151,11 +165,9 @@ def exact_triples(episodes: Episodes, termination: Termination, absorbing: int) 
         absorbing: index of the absorbing observation.
     """
     observation = episodes.observation_of_transition
-    inner = np.flatnonzero(~episodes.last_transition)
     terminal = np.flatnonzero(episodes.terminal_transition)
     s, last = observation[terminal], observation[terminal] + 1
-    first = observation[inner]
-    within = Rows(first, inner, first + 1, first + 2, np.zeros(len(inner), np.bool_), len(inner))
+    within = triples_within(episodes)
     ends = len(terminal)
     if termination == "zero":
         return stack([within, Rows(s, terminal, last, last, np.ones(ends, np.bool_), ends)])

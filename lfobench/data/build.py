@@ -9,9 +9,9 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
-from lfobench.contract.suite import Level
+from lfobench.contract.suite import Level, Operator
 from lfobench.data.cache import PartCache
-from lfobench.data.generated import roll_out
+from lfobench.data.generated import record, roll_out
 from lfobench.errors import UserError
 from lfobench.plan.parts import PartRequest, specification
 from lfobench.processes import die_with_parent, interrupts_held
@@ -27,6 +27,7 @@ class ShardJob:
     task: str
     level: Level
     shard: int
+    episodes: int | None = None
 
 
 def missing_shards(root: Path, suite: str, wanted: Sequence[tuple[str, PartRequest]]) -> list[ShardJob]:
@@ -35,7 +36,8 @@ def missing_shards(root: Path, suite: str, wanted: Sequence[tuple[str, PartReque
     for task, request in wanted:
         cache = PartCache(root, request.specification)
         for shard in cache.missing(request.transitions):
-            jobs[cache.path(shard)] = ShardJob(root, suite, task, request.specification.level, shard)
+            part = request.specification
+            jobs[cache.path(shard)] = ShardJob(root, suite, task, part.level, shard, part.episodes)
     return list(jobs.values())
 
 
@@ -53,7 +55,7 @@ def check_present(root: Path, wanted: Iterable[tuple[str, PartRequest]], rebuild
     longest: dict[str, tuple[str, PartRequest]] = {}
     for task, request in wanted:
         _, known = longest.setdefault(request.specification.hash, (task, request))
-        if request.transitions > known.transitions:
+        if (request.transitions or 0) > (known.transitions or 0):
             longest[request.specification.hash] = (task, request)
     for task, request in longest.values():
         PartCache(root, request.specification).check(request.transitions, rebuild(task))
@@ -67,9 +69,10 @@ def build_shard(job: ShardJob) -> ShardJob:
     """
     suite = load_suite(job.suite)
     task = next(task for task in suite.tasks if task.name == job.task)
-    part = specification(suite, task, job.level)
+    part = specification(suite, task, job.level, job.episodes)
     try:
-        episodes = roll_out(part, suite.demonstrator(task.environment.name, job.level), job.shard)
+        maker = suite.demonstrator(task.environment.name, job.level)
+        episodes = record(part, maker) if isinstance(maker, Operator) else roll_out(part, maker, job.shard)
     except Exception as error:
         raise UserError(
             f"The {job.level} data of {job.task} cannot be made: {type(error).__name__}: {error}.",

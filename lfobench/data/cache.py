@@ -15,7 +15,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from lfobench.data.episodes import Episodes
+from lfobench.contract.episodes import Episodes
 from lfobench.data.shard import ARRAYS, Arrays, Shard, open_shard, read_into, reserve
 from lfobench.errors import UserError
 from lfobench.files import replacing
@@ -55,7 +55,7 @@ class PartCache:
         """File of one shard."""
         return self.folder / f"{shard:05d}.safetensors"
 
-    def missing(self, transitions: int) -> list[int]:
+    def missing(self, transitions: int | None) -> list[int]:
         """Shards that a part of that many transitions still lacks."""
         try:
             return [
@@ -89,16 +89,17 @@ class PartCache:
         episodes, (mark,) = self._read([shard], rebuild)
         return episodes, mark
 
-    def load(self, transitions: int, rebuild: str) -> tuple[Episodes, str]:
-        """The part's first `transitions` steps and the fingerprint of the shards that hold them.
+    def load(self, transitions: int | None, rebuild: str) -> tuple[Episodes, str]:
+        """The part's first `transitions` steps, or a recorded part whole, and the fingerprint of its shards.
 
         Raises:
             UserError: as `read` does.
         """
         episodes, marks = self._read(range(self.specification.shards_for(transitions)), rebuild)
-        return episodes.first_transitions(transitions), _combined(transitions, marks)
+        kept = episodes if transitions is None else episodes.first_transitions(transitions)
+        return kept, _combined(transitions, marks)
 
-    def check(self, transitions: int, rebuild: str) -> None:
+    def check(self, transitions: int | None, rebuild: str) -> None:
         """Read, of the shards that hold the first `transitions` steps, those that are there.
 
         Raises:
@@ -141,7 +142,7 @@ class PartCache:
             marks = list(readers.map(checked, shards, files, places))
         return Episodes(**whole), marks
 
-    def declared_fingerprint(self, transitions: int) -> str | None:
+    def declared_fingerprint(self, transitions: int | None) -> str | None:
         """What `load` would give as fingerprint if every shard is what it says; None where one cannot be read."""
         marks = []
         for shard in range(self.specification.shards_for(transitions)):
@@ -153,8 +154,9 @@ class PartCache:
         return _combined(transitions, marks)
 
 
-def _combined(transitions: int, marks: Sequence[str]) -> str:
-    return hashlib.sha256(f"{transitions}:{','.join(marks)}".encode()).hexdigest()
+def _combined(transitions: int | None, marks: Sequence[str]) -> str:
+    amount = "all" if transitions is None else transitions
+    return hashlib.sha256(f"{amount}:{','.join(marks)}".encode()).hexdigest()
 
 
 @contextmanager

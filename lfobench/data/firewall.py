@@ -16,10 +16,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from lfobench.contract.episodes import IntArray
 from lfobench.contract.method import Batch, DataNeeds, Field, Method, Shapes, Sizes
 from lfobench.contract.randomness import Randomness
 from lfobench.data.boundaries import Rows
-from lfobench.data.episodes import IntArray
 from lfobench.data.mixing import Mixture, ObservationTransform
 
 Column = tuple[Tensor, Tensor | None]

@@ -1,4 +1,4 @@
-"""The generated source: rollouts of demonstrators, in shards of a part.
+"""The generated source: rollouts of demonstrators, in shards of a part, and recordings of operators.
 
 Shard i depends on the part's specification and i alone, so parts are built in parallel, extended later, and a
 smaller protocol reads a prefix of a larger one's data.
@@ -8,9 +8,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfobench.contract.suite import Demonstrator, FloatArray
-from lfobench.data.episodes import Episodes
+from lfobench.contract.episodes import Episodes, FloatArray
+from lfobench.contract.suite import Demonstrator, Operator
 from lfobench.plan.parts import PartSpecification
+
+
+def record(specification: PartSpecification, operator: Operator) -> Episodes:
+    """A recorded part: as many episodes as its specification says.
+
+    Raises:
+        ValueError: when the operator records another number.
+    """
+    wanted = specification.episodes or 0
+    episodes = operator.record(wanted, _generator(specification, 0))
+    if len(episodes.lengths) != wanted:
+        raise ValueError(f"the operator was asked for {wanted} episodes and recorded {len(episodes.lengths)}")
+    return episodes
 
 
 def roll_out(
@@ -18,8 +31,7 @@ def roll_out(
 ) -> Episodes:
     """Whole episodes of a shard until at least `transitions` steps are made; by default the whole shard."""
     wanted = specification.shard_transitions if transitions is None else transitions
-    key = np.random.SeedSequence([int(specification.hash[:16], 16), shard])
-    generator = np.random.Generator(np.random.Philox(key))
+    generator = _generator(specification, shard)
     environment = specification.environment.make()
     observations: list[FloatArray] = []
     actions: list[FloatArray] = []
@@ -49,3 +61,8 @@ def roll_out(
         np.asarray(lengths, np.int64),
         np.asarray(terminations, np.bool_),
     )
+
+
+def _generator(specification: PartSpecification, shard: int) -> np.random.Generator:
+    key = np.random.SeedSequence([int(specification.hash[:16], 16), shard])
+    return np.random.Generator(np.random.Philox(key))

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lfobench.contract.episodes import Episodes, FloatArray, IntArray, concatenate
 from lfobench.contract.method import Boundary, DataNeeds, Termination
-from lfobench.contract.suite import Recipe
+from lfobench.contract.suite import Recipe, TrajectoryRecipe
 from lfobench.data import boundaries
 from lfobench.data.boundaries import Rows
-from lfobench.data.episodes import Episodes, FloatArray, IntArray, concatenate
 from lfobench.data.standard import moments, standardize
+from lfobench.errors import UserError
 
 STD_FLOOR = 1e-10
 
@@ -70,12 +71,15 @@ class Mixture:
     transform: ObservationTransform
 
 
-def mix(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, horizon: int) -> Mixture:
+def mix(
+    offline: Episodes, expert: Episodes, recipe: Recipe | TrajectoryRecipe, needs: DataNeeds, horizon: int
+) -> Mixture:
     """The rows of a recipe under the boundary rules that a method declares.
 
     Args:
         offline: the poor part.
-        expert: the expert part; K trajectories of it join the offline data, with their actions.
+        expert: the expert part; K trajectories of it join the offline data, with their actions, and none where the
+            recipe counts trajectories.
         recipe: counts.
         needs: the method's declaration.
         horizon: steps at which the released expert walk counts a trajectory.
@@ -87,7 +91,9 @@ def mix(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, h
     indicator = needs.termination == "absorbing"
     everything, observations = _stacked(offline, expert, indicator)
     absorbing = len(everything.observations)
-    if needs.boundary == "released":
+    if isinstance(recipe, TrajectoryRecipe):
+        offline_rows, expert_rows = _recorded(offline, expert, recipe, needs, absorbing)
+    elif needs.boundary == "released":
         offline_rows, expert_rows = _released(offline, expert, recipe, needs, horizon)
         if indicator:
             offline_rows = boundaries.absorb_transitions(offline_rows, absorbing)
@@ -139,6 +145,39 @@ def _exact(
         boundaries.exact_triples(mixed, needs.termination, absorbing),
         boundaries.exact_triples(demonstration, needs.termination, absorbing - place[0]).shifted(*place),
     )
+
+
+def _recorded(
+    offline: Episodes, expert: Episodes, recipe: TrajectoryRecipe, needs: DataNeeds, absorbing: int
+) -> tuple[Rows, Rows]:
+    """Every row of both parts, or a sample of the expert's; nothing is shared between the parts.
+
+    A sample is the same for every method, whether it reads s'' or not, so its rows are those that have one.
+
+    Raises:
+        UserError: when the sample is larger than what it is drawn from.
+    """
+    place = (len(offline.observations), offline.transitions)
+    absorbs = needs.termination == "absorbing"
+
+    def every_row(episodes: Episodes, nowhere: int) -> Rows:
+        if _triples(needs):
+            return boundaries.exact_triples(episodes, "absorbing" if absorbs else "zero", nowhere)
+        rows = boundaries.exact_transitions(episodes)
+        return boundaries.absorb_transitions(rows, nowhere) if absorbs else rows
+
+    offline_rows = every_row(offline, absorbing)
+    wanted = recipe.expert_transitions
+    if wanted is None:
+        return offline_rows, every_row(expert, absorbing - place[0]).shifted(*place)
+    whole = boundaries.triples_within(expert)
+    if wanted > len(whole):
+        raise UserError(
+            f"The recipe samples {wanted} expert transitions; its trajectories hold {len(whole)} that have s''.",
+            "Lower expert_transitions, or record more expert_trajectories.",
+        )
+    chosen = whole.at(np.random.Generator(np.random.Philox(wanted)).permutation(len(whole))[:wanted])
+    return offline_rows, (chosen if _triples(needs) else chosen.without_second()).shifted(*place)
 
 
 def _check(needs: DataNeeds) -> None:

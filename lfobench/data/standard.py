@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from lfobench.data.episodes import FloatArray, IntArray
+from lfobench.contract.episodes import FloatArray, IntArray
 
 BLOCK = 2048
 

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from typing import Any
 
 from lfobench.contract.record import content_hash
-from lfobench.contract.suite import Environment, Level, Recipe, Suite, Task
+from lfobench.contract.suite import Environment, Level, Operator, Recipe, Suite, Task, TrajectoryRecipe
 from lfobench.errors import UserError
 
 SHARD_TRANSITIONS = 10_000
@@ -17,13 +17,25 @@ FORMAT = 2
 
 
 def simulator_versions() -> dict[str, str]:
-    """Versions that decide the dynamics of the locomotion environments."""
+    """Versions that decide the dynamics of the environments."""
     return {package: version(package) for package in ("gymnasium", "mujoco")}
 
 
 @dataclass(frozen=True)
 class PartSpecification:
-    """Everything that decides a part's content; its hash names the part's folder."""
+    """Everything that decides a part's content; its hash names the part's folder.
+
+    Attributes:
+        environment: that the part is from.
+        level: of who made it.
+        demonstrator: the maker's fingerprint.
+        simulator: packages and versions.
+        seed: of the part.
+        shard_transitions: of a part that is made to any length, in shards.
+        format: of its files.
+        episodes: of a part that an operator records, in one shard; it decides its episodes by itself, so neither the
+            environment's registration nor how it scores is part of the identity.
+    """
 
     environment: Environment
     level: Level
@@ -32,13 +44,25 @@ class PartSpecification:
     seed: int
     shard_transitions: int = SHARD_TRANSITIONS
     format: int = FORMAT
+    episodes: int | None = None
 
     @cached_property
     def identity(self) -> dict[str, Any]:
         """As plain JSON data."""
+        if self.episodes is not None:
+            return {
+                "environment": self.environment.name,
+                "level": self.level,
+                "operator": self.demonstrator,
+                "simulator": dict(self.simulator),
+                "seed": self.seed,
+                "episodes": self.episodes,
+                "format": self.format,
+            }
         environment = {"id": self.environment.id, "horizon": self.environment.horizon}
         environment["arguments"] = dict(self.environment.arguments)
-        return {**asdict(self), "environment": environment, "simulator": dict(self.simulator)}
+        fields = {name: value for name, value in asdict(self).items() if name != "episodes"}
+        return {**fields, "environment": environment, "simulator": dict(self.simulator)}
 
     @cached_property
     def hash(self) -> str:
@@ -50,27 +74,28 @@ class PartSpecification:
         """Folder name in the cache, e.g. ``hopper-random-1a2b3c4d5e``."""
         return f"{self.environment.name}-{self.level}-{self.hash[:10]}"
 
-    def shards_for(self, transitions: int) -> int:
-        """Shards that certainly hold that many transitions."""
-        return -(-transitions // self.shard_transitions)
+    def shards_for(self, transitions: int | None) -> int:
+        """Shards that certainly hold that many transitions; None asks for a recorded part, whole."""
+        return 1 if transitions is None else -(-transitions // self.shard_transitions)
 
 
 @dataclass(frozen=True)
 class PartRequest:
-    """A part and how many of its transitions a task reads."""
+    """A part and how many of its transitions a task reads; None reads a recorded part, which has one length."""
 
     specification: PartSpecification
-    transitions: int
+    transitions: int | None
 
 
-def specification(suite: Suite, task: Task, level: Level) -> PartSpecification:
-    """The generated part of a task's environment at one level.
+def specification(suite: Suite, task: Task, level: Level, episodes: int | None = None) -> PartSpecification:
+    """The generated part of a task's environment at one level; `episodes` of it where an operator records it.
 
     Raises:
         UserError: when the suite's demonstrator cannot be had.
     """
     try:
-        fingerprint = suite.demonstrator(task.environment.name, level).fingerprint
+        maker = suite.demonstrator(task.environment.name, level)
+        fingerprint = maker.fingerprint
     except UserError:
         raise
     except Exception as error:
@@ -78,12 +103,19 @@ def specification(suite: Suite, task: Task, level: Level) -> PartSpecification:
             f"The {level} demonstrator of {task.environment.name} failed: {type(error).__name__}: {error}.",
             f"Mend the demonstrator of suite '{suite.name}'.",
         ) from error
+    if isinstance(maker, Operator) != (episodes is not None):
+        raise UserError(
+            f"The {level} part of {task.name} is made by {'an operator' if episodes is None else 'a policy'}, "
+            f"and its recipe counts {'transitions' if episodes is None else 'trajectories'}.",
+            f"Mend suite '{suite.name}': a TrajectoryRecipe goes with operators, a Recipe with policies.",
+        )
     return PartSpecification(
         environment=task.environment,
         level=level,
         demonstrator=fingerprint,
         simulator=tuple(sorted(simulator_versions().items())),
         seed=suite.generation_seeds.get(task.environment.name, 0),
+        episodes=episodes,
     )
 
 
@@ -94,12 +126,17 @@ def build_command(suite: str, protocol: str, task: str | None = None) -> str:
     )
 
 
-def requests(suite: Suite, task: Task, recipe: Recipe) -> tuple[PartRequest, PartRequest]:
+def requests(suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe) -> tuple[PartRequest, PartRequest]:
     """The offline and the expert part that a recipe reads.
 
     The released walk counts a trajectory every H of its rows, but a timed-out episode has only H - 1 of them
     (methods.md 2.4): K counts take up to K H / (H - 1) episodes, and one more for the triples at the seam.
     """
+    if isinstance(recipe, TrajectoryRecipe):
+        return (
+            PartRequest(specification(suite, task, recipe.offline, recipe.offline_trajectories), None),
+            PartRequest(specification(suite, task, recipe.expert, recipe.expert_trajectories), None),
+        )
     horizon = task.environment.horizon
     episodes = -(-recipe.expert_trajectories * horizon // max(horizon - 1, 1)) + 1
     expert_transitions = episodes * horizon

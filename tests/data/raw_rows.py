@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from hypothesis import strategies as st
 
+from lfobench.contract.episodes import Episodes
 from lfobench.data.boundaries import Rows
-from lfobench.data.episodes import Episodes
 
 Vector = tuple[float, ...]
 

@@ -23,10 +23,10 @@ from raw_rows import make_episodes, walk
 from safetensors.numpy import save_file
 
 import lfobench.data.cache
+from lfobench.contract.episodes import concatenate
 from lfobench.contract.suite import Level
 from lfobench.data.build import ShardJob, build, missing_shards
 from lfobench.data.cache import PartCache, fingerprint
-from lfobench.data.episodes import concatenate
 from lfobench.data.generated import roll_out
 from lfobench.data.shard import ARRAYS, open_shard, read_into, reserve
 from lfobench.errors import UserError

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from raw_rows import endings, make_episodes, walk
 
-from lfobench.data.episodes import Episodes, concatenate
+from lfobench.contract.episodes import Episodes, concatenate
 
 
 @given(endings())

@@ -14,10 +14,10 @@ from helpers_engine import Drifting, batches_at
 from raw_rows import make_episodes
 from torch import Tensor
 
+from lfobench.contract.episodes import Episodes
 from lfobench.contract.method import DataNeeds, Field, Method, Stage
 from lfobench.contract.randomness import Randomness
 from lfobench.contract.suite import Recipe
-from lfobench.data.episodes import Episodes
 from lfobench.data.firewall import FirewallError, View, view
 from lfobench.data.mixing import mix
 from lfobench.engine.draws import Draws, RunningStep

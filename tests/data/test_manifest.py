@@ -3,7 +3,8 @@ from __future__ import annotations
 from raw_rows import dilo_triples, exact_triples, make_episodes, q_learning_view, released_mix, walk
 
 from lfobench.contract.suite import Environment, Recipe, Task
-from lfobench.data.source import TaskData, manifest
+from lfobench.data.manifest import manifest
+from lfobench.data.source import TaskData
 
 
 def test_a_manifest_counts_what_the_readers_keep() -> None:

@@ -20,9 +20,9 @@ from raw_rows import (
     walk,
 )
 
+from lfobench.contract.episodes import Episodes, concatenate
 from lfobench.contract.method import DataNeeds, Field, Termination
 from lfobench.contract.suite import Recipe
-from lfobench.data.episodes import Episodes, concatenate
 from lfobench.data.mixing import Mixture, mix
 
 Ends = list[tuple[int, bool]]

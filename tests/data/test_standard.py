@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lfobench.contract.episodes import FloatArray
 from lfobench.data import standard
-from lfobench.data.episodes import FloatArray
 from lfobench.data.standard import BLOCK, moments, standardize
 
 COUNTS = [1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5]

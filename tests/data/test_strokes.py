@@ -1,0 +1,47 @@
+"""Strokes: the demonstration as lines, whole trajectories or the transitions that a recipe samples."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import scene_suite
+from scene_suite import SUITE
+
+from lfobench.contract.suite import TrajectoryRecipe
+from lfobench.data.source import TaskData
+from lfobench.data.strokes import demonstrated_strokes
+
+
+def strokes(transitions: int | None) -> tuple[TaskData, list[np.ndarray]]:
+    recipe = TrajectoryRecipe("random", 2, "expert", 3, expert_transitions=transitions)
+    task = replace(SUITE.tasks[0], recipe=recipe)
+    offline, expert = (
+        scene_suite.Hand("strike", level).record(count, np.random.default_rng(seed))
+        for seed, (level, count) in enumerate((("random", 2), ("expert", 3)))
+    )
+    data = TaskData(task, recipe, offline, expert, {})
+    return data, demonstrated_strokes(data, slice(0, 2))
+
+
+def test_a_trajectory_is_one_line_through_all_its_observations() -> None:
+    data, found = strokes(None)
+    expert = data.expert
+    assert len(found) == 3
+    for line, first, length in zip(found, expert.first_observation, expert.lengths, strict=True):
+        np.testing.assert_array_equal(line, expert.observations[first : first + length + 1, :2])
+
+
+def test_sampled_transitions_are_lines_between_neighbours() -> None:
+    data, found = strokes(12)
+    expert = data.expert
+    assert sum(len(line) - 1 for line in found) == 12
+    followers = {
+        tuple(expert.observations[row, :2]): tuple(expert.observations[row + 1, :2])
+        for first, length in zip(expert.first_observation, expert.lengths, strict=True)
+        for row in range(first, first + length)
+    }
+    for line in found:
+        for here, there in pairwise(line):
+            assert followers[tuple(here)] == tuple(there)
