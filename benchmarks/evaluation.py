@@ -144,7 +144,7 @@ def compare_evaluation(
     policies = [_torch_policy(flat, shapes, cell) for flat in method.state()["policy"]]
     observation = torch.ones(len(axis), 1, shapes.observation)
     _check_policies(policies, observation, method.act(observation))
-    evaluator = Evaluator(cell.task, transform, len(axis), EPISODES)
+    evaluator = Evaluator(cell.task, transform, len(axis), range(EPISODES))
     pool = EvaluationWorkers(cell, transform, shapes, axis, workers)
     starts = [start_seed(cell.task, episode) for episode in range(EPISODES)]
 

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import zlib
-from typing import Any
 
-import gymnasium
 import torch
 
 from lfobench.contract.method import Method
 from lfobench.contract.suite import Task
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.rollout import EpisodeResults, rollout
+from lfobench.engine.simulators import Simulators, simulators
+from lfobench.plan.cells import Cell, Starts
 
 
-def start_seed(task: Task, episode: int) -> int:
+def start_seed(task: Task, episode: int, starts: Starts = "evaluation") -> int:
     """Seed of the reset of episode k: the same for every method, seed and step of a task (decision 7)."""
-    return zlib.crc32(f"evaluation {task.name} {episode}".encode())
+    return zlib.crc32(f"{starts} {task.name} {episode}".encode())
 
 
 class Evaluator:
@@ -26,29 +26,48 @@ class Evaluator:
         task: names the environment and fixes the starts.
         transform: from the simulator's observation to the method's.
         seeds: length S of the seed axis.
-        episodes: K per seed.
+        episodes: which of the starts; K of them.
+        starts: the tests', or those of a choice between trials.
     """
 
-    def __init__(self, task: Task, transform: ObservationTransform, seeds: int, episodes: int) -> None:
-        self._task = task
+    def __init__(
+        self,
+        task: Task,
+        transform: ObservationTransform,
+        seeds: int,
+        episodes: range,
+        starts: Starts = "evaluation",
+    ) -> None:
+        self._environment = task.environment
         self._transform = transform
-        self._slots = seeds * episodes
-        self._starts = [start_seed(task, episode) for episode in range(episodes)]
-        self._environments: list[gymnasium.Env[Any, Any]] = []
+        self._slots = seeds * len(episodes)
+        self._starts = [start_seed(task, episode, starts) for episode in episodes]
+        self._simulators: Simulators | None = None
 
     def evaluate(self, method: Method, device: torch.device) -> EpisodeResults:
         """K episodes per seed, in lock step."""
-        while len(self._environments) < self._slots:
-            self._environments.append(self._task.environment.make())
+        if self._simulators is None:
+            self._simulators = simulators(self._environment, self._slots)
         return rollout(
             lambda observation: method.act(observation.to(device)).cpu(),
             self._transform,
-            self._environments,
+            self._simulators,
             self._starts,
         )
 
     def close(self) -> None:
         """Release the simulators."""
-        for environment in self._environments:
-            environment.close()
-        self._environments = []
+        if self._simulators is not None:
+            self._simulators.close()
+        self._simulators = None
+
+
+def fixed_starts(cell: Cell) -> range:
+    """The fixed starts of every evaluation."""
+    return range(cell.protocol.evaluation_episodes)
+
+
+def further_starts(cell: Cell) -> range:
+    """The starts from which the trained policy alone is run."""
+    first = cell.protocol.evaluation_episodes
+    return range(first, first + cell.protocol.further_episodes)

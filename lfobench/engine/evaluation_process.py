@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lfobench.contract.method import Shapes
 from lfobench.data.mixing import ObservationTransform
-from lfobench.engine.evaluation import Evaluator
+from lfobench.engine.evaluation import Evaluator, fixed_starts
 from lfobench.engine.rollout import EpisodeResults
 from lfobench.plan.cells import Cell
 from lfobench.processes import die_with_parent, interrupts_held
@@ -144,7 +144,7 @@ def _work(pipe: Connection, suite: str, assignment: bytes) -> None:
 def _serve(pipe: Connection, assignment: Assignment) -> None:
     cell, seeds = assignment.cell, assignment.seeds[assignment.first : assignment.last]
     method = cell.method(cell.config, assignment.shapes, seeds, CPU)
-    evaluator = Evaluator(cell.task, assignment.transform, len(seeds), cell.protocol.evaluation_episodes)
+    evaluator = Evaluator(cell.task, assignment.transform, len(seeds), fixed_starts(cell), cell.starts)
     while True:
         snapshot: Snapshot = pipe.recv()
         started = time.perf_counter()

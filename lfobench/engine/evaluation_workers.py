@@ -134,6 +134,7 @@ class EvaluationWorkers:
             returns=np.concatenate([part.results.returns for part in parts]),
             lengths=np.concatenate([part.results.lengths for part in parts]),
             finite=np.concatenate([part.results.finite for part in parts]),
+            outcomes=_joined([part.results.outcomes for part in parts]),
         )
         return Evaluated(self._submitted.popleft(), results, max(part.seconds for part in parts))
 
@@ -150,6 +151,11 @@ class EvaluationWorkers:
             self.close()
             message = f"the evaluation of {self._cell.label} at step {step} failed: {failure.cause}"
             raise EvaluationError(message) from failure
+
+
+def _joined(parts: Sequence[list[list[str]] | None]) -> list[list[str]] | None:
+    told = [part for part in parts if part is not None]
+    return [seed for part in told for seed in part] if len(told) == len(parts) else None
 
 
 def _end(workers: list[Worker]) -> None:

@@ -13,9 +13,11 @@ import torch
 from filelock import FileLock, Timeout
 
 from lfobench.contract.method import DataNeeds
-from lfobench.contract.record import Record, Warning, content_hash
+from lfobench.contract.record import Evaluation, Record, Warning, content_hash
+from lfobench.contract.suite import TrajectoryRecipe
 from lfobench.data.firewall import view
 from lfobench.data.source import TaskData, load_task
+from lfobench.engine.policy import save_policy
 from lfobench.engine.provenance import package_versions, provenance
 from lfobench.engine.training import Advance, Trainer
 from lfobench.files import writable_folder
@@ -112,17 +114,29 @@ def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[],
     if not trainer.finished:
         return
     trainer.progress.seconds["load"] = loaded
+    further = trainer.further()
     for index, run in enumerate(job.runs):
         if folder.find(run):
             continue
-        record = _record(run, trainer, index, data, needs, device)
+        record = _record(run, trainer, index, further[index], data, needs, device)
+        if cell.starts == "evaluation":
+            # The policy first: a record says that a run is done. Nobody looks at a trial's.
+            save_policy(folder.policy(record), record, trainer.method, index, len(job.seeds), seen)
         path = folder.write(run, record)
         yield Recorded(run.label, path, record.score(), record.status == "diverged", trainer.warnings)
     checkpoint.unlink(missing_ok=True)
     checkpoint.with_suffix(".lock").unlink(missing_ok=True)
 
 
-def _record(run: Run, trainer: Trainer, index: int, data: TaskData, needs: DataNeeds, device: torch.device) -> Record:
+def _record(
+    run: Run,
+    trainer: Trainer,
+    index: int,
+    further: Evaluation | None,
+    data: TaskData,
+    needs: DataNeeds,
+    device: torch.device,
+) -> Record:
     progress = trainer.progress
     diverged_at = progress.diverged_at[index]
     return Record(
@@ -132,10 +146,16 @@ def _record(run: Run, trainer: Trainer, index: int, data: TaskData, needs: DataN
         status="finished" if diverged_at is None else "diverged",
         diverged_at=diverged_at,
         evaluations=progress.evaluations[index],
+        further=further,
         metrics=progress.metrics[index],
+        tuning=run.cell.tuning,
         warnings=[*_warnings(diverged_at, data, needs), *trainer.warnings],
         provenance=provenance(device, run.cell.precision, progress.seconds, data.fingerprints)
-        | {"seeds_trained_together": len(progress.evaluations), "demonstration_score": data.demonstration_score},
+        | {
+            "seeds_trained_together": len(progress.evaluations),
+            "demonstration_score": data.demonstration_score,
+            "gradient_steps": trainer.length,
+        },
     )
 
 
@@ -145,9 +165,12 @@ def _warnings(diverged_at: int | None, data: TaskData, needs: DataNeeds) -> Iter
             what=f"Non-finite values at step {diverged_at}: this seed counts as score 0.",
             remedy="Lower the learning rates or the temperature; the other seeds are unaffected.",
         )
+    recipe = data.recipe
+    if isinstance(recipe, TrajectoryRecipe):
+        return  # every recorded demonstration is observed, the failed ones among them; the record says how many succeed
     if needs.boundary == "released" and not data.released_expert_rows:
         yield Warning(
-            what=f"The expert part does not reach {data.recipe.expert_trajectories} trajectories by the released "
+            what=f"The expert part does not reach {recipe.expert_trajectories} trajectories by the released "
             "count, so none of it is mixed into the offline data.",
             remedy="Lower K, or give the recipe a longer expert part.",
         )

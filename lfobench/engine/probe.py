@@ -16,7 +16,7 @@ from torch import Tensor
 
 from lfobench.contract.method import Field, Method, Shapes, Sizes, Stage
 from lfobench.contract.randomness import Randomness
-from lfobench.contract.suite import Demonstrator, Environment, FloatArray
+from lfobench.contract.suite import Demonstrator, Environment, FloatArray, Operator, Recipe, TrajectoryRecipe
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.memory import Footprint, peak_bytes
@@ -25,10 +25,12 @@ from lfobench.plan.cells import Cell
 
 CPU = torch.device("cpu")
 PROBE_ROWS = 4096
+WORLDS = 16
 # A thread more must save this part of a step's time: two half-used cores are better given to two jobs.
 THREAD_GAIN = 0.1
 PROBE_SECONDS = 0.25
 WARM_UP = 2
+RECORDING, RECORDED = "recording", 4
 CALLS_PER_BLOCK = 4
 
 
@@ -46,11 +48,11 @@ class Estimate:
 
 
 class Prober:
-    """Estimates cells, measuring every distinct (method, configuration, environment) once."""
+    """Estimates cells, measuring every distinct (method, configuration, shapes) once."""
 
     def __init__(self, device: str) -> None:
         self._device = torch.device(device)
-        self._steps: dict[tuple[str, str, str, int, int], dict[str, float]] = {}
+        self._steps: dict[tuple[str, str, Shapes, int, int], dict[str, float]] = {}
         self._simulators: dict[str, tuple[float, int, int]] = {}
         self._generation: dict[tuple[str, str], float] = {}
         self._seed_bytes: dict[tuple[str, str, str], int] = {}
@@ -65,22 +67,21 @@ class Prober:
         """
         environment, protocol = cell.task.environment, cell.protocol
         simulator_step, observation, action = self._simulator(cell)
-        key = (cell.method.name, cell.config.model_dump_json(), environment.name, seeds, threads)
+        shapes = Shapes(observation, action)
+        key = (cell.method.name, cell.config.model_dump_json(), shapes, seeds, threads)
         if key not in self._steps:
             torch.set_num_threads(threads)
-            programs = _programs(cell, Shapes(observation, action), seeds, self._device)
+            programs = _programs(cell, shapes, seeds, self._device)
             self._steps[key] = {name: _seconds_per_call(update, self._device) for name, update, _ in programs}
-        recipe = cell.recipe
-        rows = recipe.offline_transitions + recipe.expert_trajectories * environment.horizon
-        sizes = Sizes(offline=rows, expert=recipe.demonstration_rows)
-        method = cell.method(cell.config, Shapes(observation, action), [0], torch.device("cpu"))
+        sizes = most_rows(cell.recipe, environment.horizon)
+        method = cell.method(cell.config, shapes, [0], torch.device("cpu"))
         steps = protocol.steps_for(cell.task)
         training = sum(
             self._steps[key][stage.name] * (steps if stage.steps is None else stage.steps)
             for stage in method.stages(sizes)
         )
-        evaluations = -(-steps // protocol.evaluation_every)
-        simulated = evaluations * protocol.evaluation_episodes * environment.horizon * seeds
+        episodes = -(-steps // protocol.evaluation_every) * protocol.evaluation_episodes + protocol.further_episodes
+        simulated = episodes * environment.horizon * seeds
         return Estimate(training, simulated * simulator_step)
 
     def _simulator(self, cell: Cell) -> tuple[float, int, int]:
@@ -91,6 +92,8 @@ class Prober:
             observation, _ = simulator.reset(seed=0)
             action = np.zeros(simulator.action_space.shape or (1,), np.float32)
             seconds = _seconds_per_step(simulator, lambda _: action)
+            if (together := environment.make_many(WORLDS)) is not None:
+                seconds = _seconds_per_world(together, np.stack([action] * WORLDS))
             self._simulators[environment.name] = (seconds, len(observation), len(action))
         return self._simulators[environment.name]
 
@@ -102,6 +105,15 @@ class Prober:
             self._generation[key] = _seconds_per_step(
                 environment.make(), lambda observation: demonstrator.act(observation, generator)
             )
+        return self._generation[key]
+
+    def recording(self, operator: Operator) -> float:
+        """Seconds that an operator takes to record a few episodes; many at once take little longer."""
+        key = (RECORDING, operator.fingerprint)
+        if key not in self._generation:
+            started = time.perf_counter()
+            operator.record(RECORDED, np.random.default_rng(0))
+            self._generation[key] = time.perf_counter() - started
         return self._generation[key]
 
     def threads(self, cell: Cell, most: int) -> int:
@@ -117,11 +129,10 @@ class Prober:
     def footprint(self, cell: Cell) -> Footprint:
         """Bytes of the cell's data and of one seed's training, from their shapes and one step on a CPU."""
         _, observation, action = self._simulator(cell)
-        recipe, horizon = cell.recipe, cell.task.environment.horizon
-        rows = recipe.offline_transitions + recipe.expert_trajectories * horizon
+        rows = most_rows(cell.recipe, cell.task.environment.horizon)
         needs = cell.method.needs(cell.config)
         fields = len(needs.offline) + len(needs.expert)
-        data = rows * 4 * (observation + 1 + action + fields)
+        data = (rows.offline + rows.expert) * 4 * (observation + 1 + action + fields)
         key = (cell.method.name, cell.config.model_dump_json(), cell.task.environment.name)
         if key not in self._seed_bytes:
             torch.set_num_threads(1)
@@ -131,6 +142,16 @@ class Prober:
                 for _, update, method in programs
             )
         return Footprint(fixed=data, per_seed=self._seed_bytes[key])
+
+
+def most_rows(recipe: Recipe | TrajectoryRecipe, horizon: int) -> Sizes:
+    """Rows that a recipe gives to train on, if every trajectory runs to the horizon."""
+    if not isinstance(recipe, TrajectoryRecipe):
+        offline = recipe.offline_transitions + recipe.expert_trajectories * horizon
+        return Sizes(offline=offline, expert=recipe.demonstration_rows)
+    recorded = recipe.expert_trajectories * horizon
+    offline = recorded if recipe.equal_transitions else recipe.offline_trajectories * horizon
+    return Sizes(offline=offline, expert=recipe.expert_transitions or recorded)
 
 
 def _programs(
@@ -182,6 +203,15 @@ def _seconds_per_step(simulator: gymnasium.Env[Any, Any], act: Callable[[FloatAr
 
     try:
         return _seconds_per_call(step)
+    finally:
+        simulator.close()
+
+
+def _seconds_per_world(simulator: gymnasium.vector.VectorEnv[Any, Any, Any], action: FloatArray) -> float:
+    """Of one world's step among `WORLDS` that step together; closes them."""
+    try:
+        simulator.reset(seed=0)
+        return _seconds_per_call(lambda: simulator.step(action)) / WORLDS
     finally:
         simulator.close()
 

@@ -23,7 +23,7 @@ from lfobench.contract.record import Evaluation, Metrics, Warning, content_hash
 from lfobench.data.firewall import View
 from lfobench.engine import checkpoint
 from lfobench.engine.checkpoint import Progress
-from lfobench.engine.evaluation import Evaluator
+from lfobench.engine.evaluation import Evaluator, fixed_starts, further_starts
 from lfobench.engine.evaluation_workers import EvaluationWorkers
 from lfobench.engine.precision import precision_warnings
 from lfobench.engine.program import Program, recorder_for
@@ -82,7 +82,7 @@ class Trainer:
         self._stages = self.method.stages(view.sizes)
         self._job = content_hash([cell.identity, self._seeds, device.type, inputs])
         self._resumed_sums: dict[str, Tensor] = {}
-        self._evaluator = Evaluator(cell.task, view.transform, len(self._seeds), cell.protocol.evaluation_episodes)
+        self._evaluator = Evaluator(cell.task, view.transform, len(self._seeds), fixed_starts(cell), cell.starts)
         self._beside = (
             EvaluationWorkers(cell, view.transform, view.shapes, self._seeds, evaluators) if evaluators else None
         )
@@ -97,6 +97,11 @@ class Trainer:
     def steps_of(self, stage: Stage) -> int:
         """Length of a stage."""
         return self._cell.protocol.steps_for(self._cell.task) if stage.steps is None else stage.steps
+
+    @property
+    def length(self) -> int:
+        """Updates of all stages together."""
+        return sum(self.steps_of(stage) for stage in self._stages)
 
     def run(self) -> Iterator[Advance]:
         """Train to the end or to the stop; `progress` holds the result."""
@@ -181,6 +186,27 @@ class Trainer:
         self._note(step, self._evaluator.evaluate(self.method, self._device))
         self.progress.seconds["evaluate"] += time.perf_counter() - started
 
+    def further(self) -> list[Evaluation | None]:
+        """What the trained policies do from the further starts, per seed; None where there are none, or it diverged."""
+        nothing: list[Evaluation | None] = [None for _ in self._seeds]
+        cell = self._cell
+        starts = further_starts(cell)
+        if not starts:
+            return nothing
+        started = time.perf_counter()
+        evaluator = Evaluator(cell.task, self._view.transform, len(self._seeds), starts, cell.starts)
+        try:
+            results = evaluator.evaluate(self.method, self._device)
+        finally:
+            evaluator.close()
+        self.progress.seconds["evaluate"] += time.perf_counter() - started
+        step = cell.protocol.steps_for(cell.task)
+        sound = [where is None for where in self.progress.diverged_at]
+        return [
+            _evaluation(step, results, index) if sound[index] and results.finite[index] else None
+            for index in range(len(self._seeds))
+        ]
+
     def _settle(self, wait: bool) -> None:
         """Note the evaluations that workers have finished, or `wait` for all of them."""
         while self._beside is not None and self._beside.pending and (wait or self._beside.ready()):
@@ -196,8 +222,7 @@ class Trainer:
             if not results.finite[index]:
                 self.progress.diverged_at[index] = step
                 continue
-            returns, lengths = results.returns[index].tolist(), results.lengths[index].tolist()
-            rows.append(Evaluation(step=step, returns=returns, lengths=lengths))
+            rows.append(_evaluation(step, results, index))
 
     def _write_metrics(self, program: Program) -> None:
         """Turn the sums since the last row into one row of means per seed."""
@@ -236,7 +261,7 @@ class Trainer:
         return Advance(
             stage=stage.name,
             done=sum(lengths[: self.progress.stage]) + self.progress.step,
-            total=sum(lengths),
+            total=self.length,
             score=sum(scores) / len(scores) if scores else None,
         )
 
@@ -249,6 +274,15 @@ class Trainer:
         if resumed := checkpoint.load(self._path, self._job, self.method.state()):
             self.progress, sums = resumed
             self._resumed_sums = {name.removeprefix(METRIC_PREFIX): total for name, total in sums.items()}
+
+
+def _evaluation(step: int, results: EpisodeResults, seed: int) -> Evaluation:
+    return Evaluation(
+        step=step,
+        returns=results.returns[seed].tolist(),
+        lengths=results.lengths[seed].tolist(),
+        outcomes=None if results.outcomes is None else results.outcomes[seed],
+    )
 
 
 def _finite(value: float) -> float | None:

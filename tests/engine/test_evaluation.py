@@ -64,7 +64,7 @@ def test_lock_step_is_the_plain_loop(kind: str, indicator: bool) -> None:
     else:
         cell = smoke_cell(kind, HOPPER_TASK, "locomotion")
         method = cell.method(cell.config, shapes, [0, 1], CPU)
-    evaluator = Evaluator(HOPPER, change, SEEDS, EPISODES)
+    evaluator = Evaluator(HOPPER, change, SEEDS, range(EPISODES))
     found = evaluator.evaluate(method, CPU)
     evaluator.close()
     returns, lengths = plain_loop(method, change)
@@ -92,7 +92,7 @@ def watching(seeds: list[int]) -> Watching:
 def first_observations(task: Task, seeds: list[int], times: int = 1) -> list[Tensor]:
     method = watching(seeds)
     zeros = np.zeros(11, np.float32)
-    evaluator = Evaluator(task, ObservationTransform(zeros, zeros + 1, False), len(seeds), EPISODES)
+    evaluator = Evaluator(task, ObservationTransform(zeros, zeros + 1, False), len(seeds), range(EPISODES))
     starts = []
     for _ in range(times):
         before = len(method.shown)
@@ -127,7 +127,7 @@ def test_a_longer_evaluation_begins_with_the_shorter_one() -> None:
     method, zeros = watching([0]), np.zeros(11, np.float32)
     results = []
     for episodes in (2, 4):
-        evaluator = Evaluator(HOPPER, ObservationTransform(zeros, zeros + 1, False), 1, episodes)
+        evaluator = Evaluator(HOPPER, ObservationTransform(zeros, zeros + 1, False), 1, range(episodes))
         results.append(evaluator.evaluate(method, CPU))
         evaluator.close()
     assert results[1].returns[0, :2].tolist() == results[0].returns[0].tolist()
@@ -142,7 +142,7 @@ def test_a_policy_that_answers_nonsense_does_not_reach_the_simulator(answer: flo
             return action
 
     zeros = np.zeros(11, np.float32)
-    evaluator = Evaluator(HOPPER, ObservationTransform(zeros, zeros + 1, False), 2, 2)
+    evaluator = Evaluator(HOPPER, ObservationTransform(zeros, zeros + 1, False), 2, range(2))
     found = evaluator.evaluate(Nonsense(FakeConfig(), Shapes(11, 3), [0, 1], CPU), CPU)
     evaluator.close()
     assert np.isfinite(found.returns).all()
@@ -163,7 +163,7 @@ def test_what_a_finished_episode_is_answered_does_not_count() -> None:
             return action
 
     zeros = np.zeros(11, np.float32)
-    evaluator = Evaluator(HOPPER, ObservationTransform(zeros, zeros + 1, False), 1, EPISODES)
+    evaluator = Evaluator(HOPPER, ObservationTransform(zeros, zeros + 1, False), 1, range(EPISODES))
     method = LateNonsense(FakeConfig(), Shapes(11, 3), [0], CPU)
     ended = evaluator.evaluate(Drifting(FakeConfig(), Shapes(11, 3), [0], CPU), CPU).lengths[0]
     assert ended.min() < ended.max()
@@ -178,7 +178,7 @@ def test_what_a_finished_episode_is_answered_does_not_count() -> None:
 def test_the_horizon_ends_an_episode() -> None:
     short = replace(HOPPER, environment=replace(HOPPER.environment, horizon=4))
     zeros = np.zeros(11, np.float32)
-    evaluator = evaluation.Evaluator(short, ObservationTransform(zeros, zeros + 1, False), 1, 2)
+    evaluator = evaluation.Evaluator(short, ObservationTransform(zeros, zeros + 1, False), 1, range(2))
     found = evaluator.evaluate(watching([0]), CPU)
     evaluator.close()
     assert found.lengths.tolist() == [[4, 4]]

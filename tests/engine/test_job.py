@@ -118,11 +118,14 @@ def test_a_method_may_report_no_metric(tmp_path: Path, shared_cache: Path) -> No
     assert len(record.evaluations) == 4
 
 
-def test_nothing_but_records_is_left(tmp_path: Path, shared_cache: Path) -> None:
+def test_nothing_but_records_and_policies_is_left(tmp_path: Path, shared_cache: Path) -> None:
     job = make_job(cell_of(Drifting), [0, 1], tmp_path, shared_cache)
     finish(job)
     files = [path for path in tmp_path.rglob("*") if path.is_file()]
-    assert sorted(files) == sorted(RecordFolder(tmp_path).path(run) for run in job.runs)
+    folder = RecordFolder(tmp_path)
+    records = [folder.path(run) for run in job.runs]
+    policies = [folder.policy(record) for run in job.runs if (record := folder.find(run))]
+    assert sorted(files) == sorted([*records, *policies])
 
 
 def test_data_that_cannot_feed_a_stage_is_named(tmp_path: Path, shared_cache: Path) -> None:

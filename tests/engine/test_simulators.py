@@ -1,0 +1,127 @@
+"""Both forms of a simulator give the same episodes, and say how they ended."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from helpers_engine import finish, make_job, records_of, smoke_cell
+from scene_suite import ALONE, REACH, around
+from torch import Tensor
+
+from lfobench.contract.record import SUCCESS
+from lfobench.data.mixing import ObservationTransform
+from lfobench.engine.policy import load_policy
+from lfobench.engine.rollout import EpisodeResults, rollout
+from lfobench.engine.simulators import OneByOne, Simulators, Together, simulators
+from lfobench.plan.cells import Cell
+from lfobench.store.folder import RecordFolder
+
+SCENES = str(Path(__file__).parents[1] / "scene_suite.py")
+ZEROS = np.zeros(2, np.float32)
+SEEN = ObservationTransform(ZEROS, ZEROS + 1, False)
+STARTS = [3, 1, 4, 1, 5]
+
+
+def steer(observation: Tensor) -> Tensor:
+    """Seed 0 goes round the cup, seed 1 straight at it, seed 2 nowhere."""
+    actions = torch.zeros_like(observation)
+    actions[0] = torch.from_numpy(around(observation[0].numpy()))
+    actions[1, :, 0] = 0.3
+    return actions
+
+
+def run(worlds: Simulators) -> EpisodeResults:
+    found = rollout(steer, SEEN, worlds, STARTS)
+    worlds.close()
+    return found
+
+
+def test_the_form_is_the_environments_best() -> None:
+    assert isinstance(simulators(REACH, 2), Together)
+    assert isinstance(simulators(ALONE, 2), OneByOne)
+
+
+def test_a_vector_environment_is_its_single_ones_side_by_side() -> None:
+    together, one_by_one = run(simulators(REACH, 15)), run(OneByOne([REACH.make() for _ in range(15)]))
+    assert np.array_equal(together.returns, one_by_one.returns)
+    assert np.array_equal(together.lengths, one_by_one.lengths)
+    assert len(np.unique(together.lengths)) > 1
+
+
+def test_how_an_episode_ended_is_told_of_each() -> None:
+    outcomes = run(simulators(REACH, 15)).outcomes
+    assert outcomes is not None
+    assert outcomes[0] == [SUCCESS] * 5
+    assert set(outcomes[1]) <= {"cup hit", "out of time", SUCCESS} and "cup hit" in outcomes[1]
+    assert outcomes[2] == ["out of time"] * 5
+
+
+def test_environments_that_do_not_say_have_no_outcomes() -> None:
+    assert run(simulators(ALONE, 15)).outcomes is None
+
+
+# --- a whole run -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def cell() -> Cell:
+    found = smoke_cell("bc", "reach-few", SCENES)
+    return replace(found, protocol=replace(found.protocol, further_episodes=7))
+
+
+def test_the_trained_policy_is_run_from_further_starts(cell: Cell, tmp_path: Path, shared_cache: Path) -> None:
+    job = make_job(cell, [0, 1], tmp_path, shared_cache)
+    finish(job)
+    for record in records_of(job):
+        assert record.further is not None
+        assert (record.further.step, len(record.further.returns)) == (40, 7)
+        assert record.further.outcomes is not None
+        assert record.further.successes == sum(record.further.returns)
+        assert record.evaluations[-1].outcomes is not None
+
+
+def test_further_starts_change_nothing_else(cell: Cell, tmp_path: Path, shared_cache: Path) -> None:
+    plain = replace(cell, protocol=replace(cell.protocol, further_episodes=0))
+    jobs = [make_job(each, [0], tmp_path / name, shared_cache) for each, name in ((cell, "a"), (plain, "b"))]
+    for job in jobs:
+        finish(job)
+    (with_more,), (without,) = (records_of(job) for job in jobs)
+    assert with_more.evaluations == without.evaluations
+    assert without.further is None
+    assert "further_episodes" not in without.identity["protocol"]
+
+
+def test_starts_of_a_choice_are_not_those_of_the_tests(cell: Cell, tmp_path: Path, shared_cache: Path) -> None:
+    chosen = replace(cell, starts="validation")
+    assert chosen.identity["starts"] == "validation"
+    assert "starts" not in cell.identity
+    jobs = [make_job(each, [0], tmp_path / name, shared_cache) for each, name in ((cell, "a"), (chosen, "b"))]
+    for job in jobs:
+        finish(job)
+    (test,), (validation,) = (records_of(job) for job in jobs)
+    assert test.metrics == validation.metrics, "the same training"
+    assert test.further is not None and validation.further is not None
+    assert test.further.lengths != validation.further.lengths or test.evaluations != validation.evaluations
+
+
+def test_the_policy_that_is_kept_does_what_was_evaluated(cell: Cell, tmp_path: Path, shared_cache: Path) -> None:
+    """Its episodes from the further starts end after as many steps, with the same outcome."""
+    from lfobench.engine.evaluation import start_seed
+
+    job = make_job(cell, [0, 1], tmp_path, shared_cache)
+    finish(job)
+    for record in records_of(job):
+        assert record.further is not None
+        policy = load_policy(RecordFolder(tmp_path), record)
+        starts = [start_seed(cell.task, episode) for episode in range(2, 9)]
+
+        def act(observation: Tensor, policy: object = policy) -> Tensor:
+            return torch.from_numpy(policy.act(observation[0].numpy()))[None]  # type: ignore[attr-defined]
+
+        found = rollout(act, SEEN, simulators(REACH, 7), starts)
+        assert found.lengths[0].tolist() == record.further.lengths
+        assert found.outcomes == [record.further.outcomes]
