@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from lfobench.cli import audit, bench, compare, data, plan_seeds, plot, records, report, run, show, table
+from lfobench.cli import audit, bench, compare, data, plan_seeds, plot, records, report, run, show, table, tune, video
 from lfobench.cli.console import errors, one_line
 from lfobench.errors import UserError
 
@@ -24,10 +24,12 @@ app.command(name="ls")(show.list_names)
 app.command(name="show")(show.show)
 app.add_typer(data.app, name="data")
 app.command(name="run")(run.run)
+app.command(name="tune")(tune.tune)
 app.command(name="status")(records.status)
 app.command(name="why")(records.why)
 app.command(name="table")(table.table)
 app.command(name="plot")(plot.plot)
+app.command(name="video")(video.video)
 app.command(name="report")(report.report)
 app.command(name="compare")(compare.compare)
 app.command(name="audit")(audit.audit)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lfobench.contract.record import Warning
-from lfobench.contract.suite import Level
+from lfobench.contract.suite import Level, Operator
 from lfobench.data.build import ShardJob, missing_shards
 from lfobench.engine.job import Job
 from lfobench.engine.probe import Prober
@@ -130,4 +130,7 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
 
 def _shard_seconds(plan: Plan, task: str, level: Level, prober: Prober) -> float:
     environment = next(each for each in plan.tasks if each.name == task).environment
-    return SHARD_TRANSITIONS * prober.generation(environment, plan.suite.demonstrator(environment.name, level))
+    maker = plan.suite.demonstrator(environment.name, level)
+    if isinstance(maker, Operator):
+        return prober.recording(maker)
+    return SHARD_TRANSITIONS * prober.generation(environment, maker)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -41,6 +41,10 @@ def build(
         output.print("Nothing to build: every shard is there.")
 
 
+def _amount(row: dict[str, Any]) -> str:
+    return f"{row['transitions']:,}" if row["episodes"] is None else f"{row['episodes']} episodes"
+
+
 @app.command()
 def status(
     suite: SuiteArgument = options.DEFAULT_SUITE,
@@ -63,9 +67,9 @@ def status(
     if as_json:
         print_json(rows)
         return
-    table = Table("task", "part", "transitions", "shards there", title="Generated data", title_style="bold")
+    table = Table("task", "part", "amount", "shards there", title="Generated data", title_style="bold")
     for row in rows:
         there = f"{row['shards_present']}/{row['shards']}"
-        table.add_row(escape(row["task"]), row["part"], f"{row['transitions']:,}", there)
+        table.add_row(escape(row["task"]), row["part"], _amount(row), there)
     output.print(table)
     output.print(f"in {escape(str(root))}", soft_wrap=True)

@@ -16,13 +16,14 @@ from lfobench.cli.console import errors
 from lfobench.cli.inputs import warn
 from lfobench.cli.progress import JobLine, OverallLine, display
 from lfobench.contract.record import Warning
-from lfobench.data.build import ShardJob, build
+from lfobench.data.build import ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
-from lfobench.files import remove_leftovers
+from lfobench.files import remove_leftovers, writable_folder
+from lfobench.plan.parts import build_command
 from lfobench.store.failures import write_failure
 from lfobench.store.folder import RecordFolder
 
@@ -82,7 +83,21 @@ class StopRequest:
 
 
 def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool) -> int:
-    """Build the missing data, train the pending runs; returns the exit code."""
+    """Build the missing data, train the pending runs; returns the exit code.
+
+    Raises:
+        UserError: for data that is damaged, or a folder that cannot be written into.
+    """
+    plan = agenda.plan
+    with errors.status("Checking the data…"):
+        check_present(
+            agenda.cache,
+            agenda.requests,
+            lambda task: build_command(plan.cells[0].suite, plan.protocol.name, task),
+        )
+    if agenda.shards:
+        writable_folder(agenda.cache, "LFOBENCH_CACHE")
+    writable_folder(out, "--out")
     stop = StopRequest()
     try:
         with stop.listening():
@@ -101,8 +116,6 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
     if tally.busy:
         errors.print(f"{tally.busy} left to the other process that is training them. Run again to see them done.")
         return 1
-    if not quiet:
-        errors.print(f"Done. Next: lfobench table --out {escape(str(out))}", soft_wrap=True)
     return 0
 
 

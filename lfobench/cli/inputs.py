@@ -36,13 +36,18 @@ def request(
     )
 
 
-def resolve(wanted: Request) -> Plan:
-    """Names to cells; torch is asked for CUDA only where it matters."""
+def resolve(wanted: Request, tuned_in: Path | None = None) -> Plan:
+    """Names to cells, with the values chosen in the output folder `tuned_in` where one is given.
+
+    Torch is asked for CUDA only where it matters.
+    """
     import torch
 
     from lfobench.plan.planning import make_plan
+    from lfobench.store.tuning import TuningFolder, with_choices
 
-    return make_plan(wanted, torch.cuda.is_available)
+    plan = make_plan(wanted, torch.cuda.is_available)
+    return plan if tuned_in is None else with_choices(plan, wanted, TuningFolder(tuned_in))
 
 
 def available_cores() -> int:

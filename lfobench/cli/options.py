@@ -19,6 +19,13 @@ Preset = Annotated[str, typer.Option(help="released (the authors' code) or paper
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="METHOD.FIELD=VALUE, repeatable, e.g. --set dilo.tau=3.")
 ]
+Tuned = Annotated[
+    bool, typer.Option("--tuned", help="With the values that 'lfobench tune' chose, where the suite declares a grid.")
+]
+Workers = Annotated[
+    int | None, typer.Option(min=1, help="Jobs at once. Default: what the cores, or the device's memory, hold.")
+]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Print the plan and stop.")]
 Source = Annotated[str, typer.Option(help="Where data comes from: generated.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda.")]
 Precision = Annotated[

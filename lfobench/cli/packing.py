@@ -2,19 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
 
-from lfobench.cli.agenda import Agenda
+import torch
+
+from lfobench.cli.agenda import Agenda, Forecast, forecast, make_agenda
+from lfobench.cli.console import errors
+from lfobench.cli.inputs import available_cores
 from lfobench.contract.record import Warning
 from lfobench.engine.job import Job
-from lfobench.engine.memory import Footprint, Memory, fitting_groups, fitting_together
+from lfobench.engine.memory import Footprint, Memory, fitting_groups, fitting_together, memory_of
 from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
+from lfobench.files import cache_folder
+from lfobench.plan.planning import Plan
+from lfobench.store.folder import RecordsRead
 
 # Jobs that share a CUDA device: one keeps it busy, the others load, record and wait.
 LANES = 3
 # A worker process without its data; `ps` showed 390 MB for `run` itself, 500 to 530 MB for workers with `quick` data.
 PROCESS_BYTES = 400 * 2**20
+# Seeds train in one program on a CPU where that saves this part of their time; products of some size gain nothing.
+TOGETHER_GAIN = 0.2
+
+
+def arranged(plan: Plan, read: RecordsRead, out: Path, workers: int | None) -> tuple[Agenda, Forecast]:
+    """What is left of a plan, arranged for this machine, and how long it will take; writes nothing.
+
+    Args:
+        plan: everything asked for.
+        read: the records that are there.
+        out: the output folder.
+        workers: jobs at once that the user asked for.
+
+    Raises:
+        UserError: for a run whose records contradict each other.
+    """
+    agenda = make_agenda(plan, read, out, cache_folder(), workers or available_cores())
+    with errors.status("Measuring this machine…"):
+        prober = Prober(plan.device)
+        agenda = packed(agenda, prober, memory_of(torch.device(plan.device)), available_cores(), workers)
+        return agenda, forecast(agenda, prober)
 
 
 def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: int | None) -> Agenda:
@@ -30,6 +61,8 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
     if not agenda.jobs:
         return agenda
     on_cuda = agenda.plan.device == "cuda"
+    if not on_cuda:
+        agenda = replace(agenda, jobs=_together(prober, agenda.jobs, workers or cores))
     problems: dict[str, Warning] = {}
     footprints = [_footprint(prober, job, on_cuda, problems) for job in agenda.jobs]
     jobs: list[Job] = []
@@ -50,6 +83,32 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
     elif (spare := cores // count) > 1 and workers is None:
         jobs = [replace(job, threads=_threads(prober, job, spare)) for job in jobs]
     return replace(agenda, jobs=jobs, workers=count, notes=notes)
+
+
+def _together(prober: Prober, jobs: Sequence[Job], workers: int) -> list[Job]:
+    """The seeds of a cell as one job, where a step is mostly overhead and there are cells enough for all workers."""
+    cells = [list(same) for _, same in groupby(jobs, key=lambda job: id(job.cell))]
+    if len(cells) < 2 * workers:
+        return list(jobs)
+    worth: dict[tuple[str, str, int], bool] = {}
+    arranged: list[Job] = []
+    for same in cells:
+        seeds = tuple(seed for job in same for seed in job.seeds)
+        key = (same[0].cell.method.name, same[0].cell.config.model_dump_json(), len(seeds))
+        if key not in worth:
+            worth[key] = len(seeds) > 1 and _gains(prober, same[0], len(seeds))
+        arranged += [replace(same[0], seeds=seeds)] if worth[key] else same
+    return arranged
+
+
+def _gains(prober: Prober, job: Job, seeds: int) -> bool:
+    try:
+        alone, together = (prober.estimate(job.cell, count).training for count in (1, seeds))
+    except UserError:
+        raise
+    except Exception:
+        return False  # the forecast measures the same step and says what failed
+    return together < (1.0 - TOGETHER_GAIN) * seeds * alone
 
 
 def _threads(prober: Prober, job: Job, most: int) -> int:

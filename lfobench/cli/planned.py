@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -25,13 +26,15 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     """Print the plan: a row per task, a column per method, what is done of each cell."""
     plan = agenda.plan
     methods = list(dict.fromkeys(cell.method.name for cell in plan.cells))
-    finished = {(run.cell.method.name, run.cell.task.name, run.seed) for run in agenda.done}
+    done, wanted = (
+        Counter((run.cell.task.name, run.cell.method.name) for run in runs) for runs in (agenda.done, plan.runs)
+    )
     table = Table(
         "task", *(escape(name) for name in methods), title="Plan: runs done of runs wanted", title_style="bold"
     )
     for task in plan.tasks:
-        counts = [sum((name, task.name, seed) in finished for seed in plan.seeds) for name in methods]
-        table.add_row(escape(task.name), *(f"{count}/{len(plan.seeds)}" for count in counts))
+        cells = [(task.name, name) for name in methods]
+        table.add_row(escape(task.name), *(f"{done[cell]}/{wanted[cell]}" if wanted[cell] else "" for cell in cells))
     output.print(table)
     warn(expected.warnings)
     protocol = plan.protocol
@@ -39,6 +42,8 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     output.print(f"protocol  {protocol.name}{reason}: {protocol.summary}")
     if protocol.assigned_steps is not None:
         output.print(f"steps     {protocol.assigned_steps:,}, set with --steps")
+    if tuned := sum(cell.tuning is not None for cell in plan.cells):
+        output.print(f"tuned     {tuned} of {len(plan.cells)} cells, as 'lfobench tune' chose")
     output.print(f"device    {plan.device}{_arrangement(agenda)}")
     output.print(f"records   {escape(str(out))}", soft_wrap=True)
     if agenda.shards:
@@ -84,6 +89,7 @@ def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
                 "method": run.cell.method.name,
                 "task": run.cell.task.name,
                 "seed": run.seed,
+                "tuned": dict(run.cell.tuned),
                 "identity": run.identity_hash,
                 "done": done,
             }
@@ -109,7 +115,7 @@ def cached_fingerprints(plan: Plan, task: Task, root: Path) -> dict[str, str]:
 
 
 def data_status(suite: str, tasks: str | None, protocol: str, root: Path) -> list[dict[str, Any]]:
-    """Per task and part: transitions needed, shards there, folder."""
+    """Per task and part: transitions needed (None of a part recorded by episodes), shards there, folder."""
     rows = []
     for task, request in _requests_of_suite(suite, tasks, protocol):
         cache = PartCache(root, request.specification)
@@ -119,6 +125,7 @@ def data_status(suite: str, tasks: str | None, protocol: str, root: Path) -> lis
                 "task": task,
                 "part": request.specification.level,
                 "transitions": request.transitions,
+                "episodes": request.specification.episodes,
                 "shards": shards,
                 "shards_present": shards - len(cache.missing(request.transitions)),
                 "folder": str(cache.folder),

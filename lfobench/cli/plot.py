@@ -24,7 +24,8 @@ def plot(
         str,
         typer.Argument(
             help="curves (score against steps), scores (every seed), profiles (fraction of runs above a score), "
-            "improvement (probability that one method beats another) or ranking (critical differences)."
+            "improvement (probability that one method beats another) or ranking (critical differences); "
+            "or a suite, by name or path, whose tasks are then seen from above."
         ),
     ],
     to: Annotated[Path, typer.Option(help="The file to write: .png, .svg or .pdf.")],
@@ -39,24 +40,51 @@ def plot(
     source: selection.SourceFilter = None,
     preset: selection.PresetFilter = None,
     methods: selection.MethodsFilter = None,
+    view: Annotated[
+        str | None,
+        typer.Option(
+            help="Of a suite: paths (demonstrations and what each method does; the default), field (what it commands "
+            "where) or hitting (end-effector and puck over time)."
+        ),
+    ] = None,
+    tasks: Annotated[str | None, typer.Option(help="Of a suite: comma-separated globs over its tasks.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of a suite: whose policies are drawn. Default: 0.")] = None,
+    episodes: Annotated[
+        str | None,
+        typer.Option(
+            "--episodes",
+            "--episode",
+            help="Of a suite: fixed starts, e.g. 0-3. Default: those of an evaluation; the first one for hitting.",
+        ),
+    ] = None,
 ) -> None:
     """Draw a figure of the records; its caption is printed, and kept in the file.
 
     Example: lfobench plot curves --out runs --to curves.pdf --width page
+
+    Example: lfobench plot SUITE --view field --tasks 'safe-*' --out runs --to field.pdf
     """
     from lfobench.api import COLUMN_ORDER
+    from lfobench.cli import scene
     from lfobench.contract.statistic import parse_statistic
+    from lfobench.errors import UserError
     from lfobench.files import replacing
     from lfobench.render.plots.figure import format_of
-    from lfobench.render.plots.kinds import check_kind, draw
+    from lfobench.render.plots.kinds import draw
+    from lfobench.render.plots.style import WIDTHS
     from lfobench.stats.highlight import DEFAULT_RULE
 
-    check_kind(kind)
+    wanted = scene.View(view, tasks, seed, episodes)
+    above = scene.kind_of(kind, wanted)
+    if above and (suite is not None or statistic != "last5"):
+        raise UserError(f"--suite and --stat are for figures of scores; {kind} is a suite.", "Leave them out.")
     format_name = format_of(to)
     counted = parse_statistic(statistic)
-    selected = selection.select_records(out, suite, protocol, steps, source, preset, methods)
-    table = selected.table(counted, DEFAULT_RULE)
-    figure = draw(kind, table, selected.records, width.value, COLUMN_ORDER)
+    selected = selection.select_records(out, kind if above else suite, protocol, steps, source, preset, methods)
+    if above:
+        figure = scene.draw(kind, above, wanted, selected, out, WIDTHS[width.value])
+    else:
+        figure = draw(kind, selected.table(counted, DEFAULT_RULE), selected.records, width.value, COLUMN_ORDER)
     with replacing(to) as temporary:
         figure.savefig(temporary, format=format_name)
     output.out(figure.caption, highlight=False)

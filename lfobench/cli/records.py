@@ -57,6 +57,7 @@ def why(
     source: options.Source = "generated",
     device: options.Device = "auto",
     precision: options.Precision = "auto",
+    tuned: options.Tuned = False,
     out: options.Out = options.DEFAULT_OUT,
     as_json: options.Json = False,
 ) -> None:
@@ -70,7 +71,8 @@ def why(
     from lfobench.files import cache_folder
     from lfobench.store.explain import explain
 
-    plan = resolve(request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision))
+    wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision)
+    plan = resolve(wanted, out if tuned else None)
     read = read_folder(out)
     warn(read.warnings)
     in_cache = {task.name: planned.cached_fingerprints(plan, task, cache_folder()) for task in plan.tasks}
@@ -86,9 +88,11 @@ def why(
 
 
 def _variant(record: Record) -> str:
-    """The preset and what ``--set`` changed in it: ``released, tau=3``."""
-    assigned = record.identity.get("set", {})
-    return ", ".join([str(record.identity["preset"]), *(f"{field}={value}" for field, value in assigned.items())])
+    """The preset, what was chosen, and what ``--set`` changed: ``released, tuned tau=2 mixture=0.5, discount=0.9``."""
+    tuned, assigned = record.identity.get("tuned", {}), record.identity.get("set", {})
+    chosen = " ".join(f"{field}={value}" for field, value in tuned.items())
+    changes = [f"{field}={value}" for field, value in assigned.items()]
+    return ", ".join([str(record.identity["preset"]), *([f"tuned {chosen}"] if tuned else []), *changes])
 
 
 def _budget(record: Record) -> str:

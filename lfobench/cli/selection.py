@@ -24,6 +24,16 @@ TestName = Annotated[
         "paired-t, wilcoxon, paired-permutation (over common start states).",
     ),
 ]
+TableTestName = Annotated[
+    str | None,
+    typer.Option(
+        "--test",
+        help="Best against second best: welch, student, mann-whitney, permutation (over seeds); "
+        "paired-t, wilcoxon, paired-permutation (over common start states); fisher (success counts). "
+        "Default: fisher where every record says how its episodes ended, else welch.",
+        show_default=False,
+    ),
+]
 ScopeName = Annotated[str, typer.Option("--scope", help="Who competes: group (methods without expert actions) or all.")]
 CorrectionName = Annotated[str, typer.Option("--correction", help="For the number of rows tested: none, holm or bh.")]
 Alpha = Annotated[float, typer.Option(help="Level of the test, between 0 and 1.")]
@@ -57,7 +67,7 @@ def select_records(
 
 
 def make_rule(test: str, scope: str, correction: str, alpha: float) -> Rule:
-    """The four knobs as a value."""
+    """The four knobs as a value, for views of scores."""
     from lfobench import api
 
     return api.make_rule(test, scope, correction, alpha)

@@ -95,8 +95,8 @@ def _tasks(suite: str) -> list[dict[str, Any]]:
         {
             "name": task.name,
             "environment": task.environment.id,
-            "offline": f"{task.recipe.offline_transitions:,} {task.recipe.offline}",
-            "expert trajectories": task.recipe.expert_trajectories,
+            "offline": task.recipe.words[0],
+            "expert": task.recipe.words[1],
             "paper steps": f"{task.paper_steps:,}",
         }
         for task in load_suite(suite).tasks
@@ -204,7 +204,8 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
     from rich.markup import escape
 
     from lfobench.cli import planned
-    from lfobench.data.source import load_task, manifest
+    from lfobench.data.manifest import manifest
+    from lfobench.data.source import load_task
     from lfobench.files import cache_folder
     from lfobench.plan.parts import build_command
     from lfobench.plan.planning import choose_protocol
@@ -219,14 +220,16 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
     if as_json:
         print_json({"task": planned.plain(task), "recipe": planned.plain(recipe), "manifest": planned.plain(counted)})
         return
-    environment = task.environment
+    environment, (offline, expert) = task.environment, recipe.words
     output.print(f"[bold]{task.name}[/]: {environment.id}, {environment.horizon} steps per episode")
     output.print(f"score 0 = return {environment.random_return:g}, score 100 = return {environment.expert_return:g}")
     output.print(
-        f"recipe ({protocol.name}): {recipe.offline_transitions:,} {recipe.offline} transitions + "
-        f"{recipe.expert_trajectories} {recipe.expert} trajectories; {protocol.steps_for(task):,} steps",
+        f"recipe ({protocol.name}): {offline} + {expert}; {protocol.for_task(task).steps_for(task):,} steps",
         soft_wrap=True,
     )
+    for method, grid in task.grids.items():
+        fields = "; ".join(f"{field} {', '.join(map(_spelling, values))}" for field, values in grid.items())
+        output.print(f"grid of {method}: {escape(fields)}", soft_wrap=True)
     if counted is None:
         output.print(f"data not built yet: {escape(rebuild)}", soft_wrap=True)
         return

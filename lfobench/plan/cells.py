@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import ValidationError
 
 from lfobench.contract.method import Method, MethodConfig, PresetName
-from lfobench.contract.record import NUMBERS, Labels, content_hash
-from lfobench.contract.suite import Recipe, Task
+from lfobench.contract.record import NUMBERS, Labels, Tuning, content_hash
+from lfobench.contract.suite import Recipe, Task, TrajectoryRecipe
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.precision import Precision
 from lfobench.plan.protocol import Protocol
+
+Starts = Literal["evaluation", "validation"]
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Cell:
         method: the class.
         preset: name of the preset.
         config: what the preset, the protocol's budget and ``--set`` make of the method's defaults.
-        budget: fields that the protocol changed.
+        budget: fields that the protocol or the task changed.
         assigned: fields that the user changed with ``--set``.
         suite: name or path of the suite, for finding it again in another process.
         suite_name: what the suite calls itself.
@@ -36,6 +38,9 @@ class Cell:
         data: what identifies the data parts before they are read (level to part id).
         simulator: versions that decide the dynamics.
         precision: of matrix products, as asked for.
+        tuned: fields whose values were chosen from the task's grid.
+        tuning: how, and at what cost; None where nothing was chosen.
+        starts: which fixed starts policies are evaluated from: those of the tests, or others, to choose by.
     """
 
     method: type[Method]
@@ -51,9 +56,12 @@ class Cell:
     data: Mapping[str, str]
     simulator: Mapping[str, str]
     precision: Precision
+    tuned: Mapping[str, Any] = field(default_factory=dict)
+    tuning: Tuning | None = None
+    starts: Starts = "evaluation"
 
     @property
-    def recipe(self) -> Recipe:
+    def recipe(self) -> Recipe | TrajectoryRecipe:
         """The recipe under the protocol's caps."""
         return self.protocol.recipe_for(self.task)
 
@@ -77,6 +85,8 @@ class Cell:
             "protocol": self.protocol.identity(self.task),
             "simulator": dict(self.simulator),
             "precision": self.precision,
+            **({"tuned": dict(self.tuned)} if self.tuned else {}),
+            **({"starts": self.starts} if self.starts != "evaluation" else {}),
         }
 
     @property
@@ -92,8 +102,9 @@ class Cell:
 
     @property
     def label(self) -> str:
-        """For progress and messages: ``dilo:released hopper-random-expert``."""
-        return f"{self.method.name}:{self.preset} {self.task.name}"
+        """For progress and messages: ``dilo:released hopper-random-expert``, and what was chosen, ``tau=3``."""
+        tuned = "".join(f" {field}={value}" for field, value in self.tuned.items())
+        return f"{self.method.name}:{self.preset} {self.task.name}{tuned}"
 
 
 @dataclass(frozen=True)
@@ -125,7 +136,7 @@ class Configuration:
 
     Attributes:
         config: the result.
-        budget: fields that the protocol changed, as JSON values.
+        budget: fields that the protocol or the task changed, as JSON values.
         assigned: fields that ``--set`` changed; one set to the value that it had anyway is not among them.
     """
 
@@ -134,10 +145,17 @@ class Configuration:
     assigned: dict[str, Any]
 
 
-def configure(method: type[Method], preset: str, protocol: Protocol, assigned: Mapping[str, Any]) -> Configuration:
+def configure(
+    method: type[Method],
+    preset: str,
+    protocol: Protocol,
+    assigned: Mapping[str, Any],
+    settings: Mapping[str, Any] | None = None,
+) -> Configuration:
     """The configuration of a method.
 
-    Layers, later over earlier: the method's defaults, the preset, the protocol's budget, ``--set``.
+    Layers, later over earlier: the method's defaults, the preset, the protocol's budget, the task's `settings`,
+    ``--set``.
 
     Raises:
         UserError: for an unknown preset or field, or a value of the wrong type or range.
@@ -145,14 +163,14 @@ def configure(method: type[Method], preset: str, protocol: Protocol, assigned: M
     if preset not in method.presets:
         raise unknown_name(f"preset of {method.name}", preset, method.presets)
     known = method.Config.model_fields
-    for field in assigned:
-        if field not in known:
-            raise unknown_name(f"field of {method.name} in --set", field, known)
-    budget = dict(method.budgets.get(protocol.name, {}))
-    for field, value in assigned.items():
-        if isinstance(value, bool) and not isinstance(known[field].default, bool):
+    for name in assigned:
+        if name not in known:
+            raise unknown_name(f"field of {method.name} in --set", name, known)
+    budget = {**method.budgets.get(protocol.methods_as or protocol.name, {}), **(settings or {})}
+    for name, value in assigned.items():
+        if isinstance(value, bool) and not isinstance(known[name].default, bool):
             raise UserError(
-                f"--set {method.name}.{field}={value}: the field takes no truth value.",
+                f"--set {method.name}.{name}={value}: the field takes no truth value.",
                 f"'lfobench show {method.name}' lists the fields with their types.",
             )
     plain = {**method.presets[preset], **budget}  # type: ignore[index]
@@ -160,9 +178,9 @@ def configure(method: type[Method], preset: str, protocol: Protocol, assigned: M
         config = method.Config.model_validate({**plain, **assigned})
     except ValidationError as error:
         first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"])
+        place = ".".join(str(part) for part in first["loc"])
         raise UserError(
-            f"--set {method.name}.{field}={reprlib.repr(first['input'])}: {first['msg'].lower()}.",
+            f"--set {method.name}.{place}={reprlib.repr(first['input'])}: {first['msg'].lower()}.",
             f"'lfobench show {method.name}' lists the fields with their types.",
         ) from error
     before = method.Config.model_validate(plain).model_dump(mode="json")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import cast
 
 from lfobench.contract.method import PresetName
-from lfobench.contract.suite import Suite, Task
+from lfobench.contract.suite import Suite, Task, TrajectoryRecipe
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.cells import Cell, Run, configure
 from lfobench.plan.names import parse_assignments, parse_seeds, select_tasks, split_names
@@ -92,31 +92,41 @@ def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
     methods = {name: load_method(name) for name in names}
     seeds = tuple(parse_seeds(protocol.seeds if request.seeds is None else request.seeds))
     assigned = parse_assignments(request.assignments, names)
-    configured = {
-        name: configure(method, request.preset, protocol, assigned.get(name, {})) for name, method in methods.items()
-    }
     simulator = simulator_versions()
     cells = [
         Cell(
-            method=methods[name],
+            method=method,
             preset=cast(PresetName, request.preset),
-            config=configured[name].config,
-            budget=configured[name].budget,
-            assigned=configured[name].assigned,
+            config=configured.config,
+            budget=configured.budget,
+            assigned=configured.assigned,
             suite=request.suite,
             suite_name=suite.name,
             task=task,
-            protocol=protocol,
+            protocol=here,
             source=request.source,
             data=data,
             simulator=simulator,
             precision=precision,
         )
         for task in tasks
-        for data in [_data(suite, task, protocol)]
-        for name in names
+        for data, here in [(_data(suite, task, protocol), protocol.for_task(task))]
+        for name, method in methods.items()
+        for configured in [configure(method, request.preset, here, assigned.get(name, {}), task.settings.get(name, {}))]
     ]
+    for cell in cells:
+        _check_actions(cell)
     return Plan(suite, tuple(cells), seeds, protocol, reason, device)
+
+
+def _check_actions(cell: Cell) -> None:
+    recipe = cell.task.recipe
+    recorded = not isinstance(recipe, TrajectoryRecipe) or recipe.expert_actions
+    if not recorded and "action" in cell.method.needs(cell.config).expert:
+        raise UserError(
+            f"{cell.method.name} needs expert actions, and the demonstrations of {cell.task.name} have none.",
+            "Leave the method or the task out: --methods, --tasks.",
+        )
 
 
 def choose_device(name: str, cuda_available: Callable[[], bool]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from lfobench.contract.suite import Recipe, Task
+from lfobench.contract.suite import Recipe, Task, TrajectoryRecipe
 from lfobench.errors import unknown_name
 
 
@@ -23,6 +23,8 @@ class Protocol:
         offline_transitions: cap on the offline part; None keeps the recipe's.
         expert_trajectories: cap on K; None keeps the recipe's.
         assigned_steps: what ``--steps`` puts in the place of `steps`, if anything.
+        further_episodes: from further starts, run once by the trained policy.
+        methods_as: the protocol whose settings of the methods are taken; None takes this one's own.
     """
 
     name: str
@@ -34,6 +36,22 @@ class Protocol:
     offline_transitions: int | None = None
     expert_trajectories: int | None = None
     assigned_steps: int | None = None
+    further_episodes: int = 0
+    methods_as: str | None = None
+
+    def for_task(self, task: Task) -> Protocol:
+        """What this protocol means for a task that has a budget of its own, and for any other task itself."""
+        budget = task.budgets.get(self.name)
+        if budget is None:
+            return self
+        return replace(
+            self,
+            steps=budget.steps,
+            evaluation_every=budget.evaluation_every,
+            evaluation_episodes=budget.evaluation_episodes,
+            further_episodes=budget.further_episodes,
+            methods_as=budget.methods,
+        )
 
     def steps_for(self, task: Task) -> int:
         """Gradient steps of a method's last stage on `task`."""
@@ -42,9 +60,11 @@ class Protocol:
     def _own_steps(self, task: Task) -> int:
         return task.paper_steps if self.steps is None else self.steps
 
-    def recipe_for(self, task: Task) -> Recipe:
-        """The task's recipe under this protocol's caps."""
+    def recipe_for(self, task: Task) -> Recipe | TrajectoryRecipe:
+        """The task's recipe under this protocol's caps; recorded trajectories are few, and have none."""
         recipe = task.recipe
+        if isinstance(recipe, TrajectoryRecipe):
+            return recipe
         return replace(
             recipe,
             offline_transitions=min(recipe.offline_transitions, self.offline_transitions or recipe.offline_transitions),
@@ -59,6 +79,7 @@ class Protocol:
             "steps_assigned": self.steps_for(task) != self._own_steps(task),
             "evaluation_every": self.evaluation_every,
             "evaluation_episodes": self.evaluation_episodes,
+            **({"further_episodes": self.further_episodes} if self.further_episodes else {}),
         }
 
 

@@ -31,7 +31,7 @@ def read_failures(folder: RecordFolder, records: list[Record]) -> tuple[list[Fai
     """Crashed runs that have left no record since, and a warning for every file that does not tell of one."""
     done = {record.identity_hash for record in records}
     failures, warnings = [], []
-    for path in sorted(folder.root.rglob(f"*{FAILURE_SUFFIX}")):
+    for path in folder.found(f"*{FAILURE_SUFFIX}"):
         try:
             failure = Failure.model_validate_json(path.read_bytes())
         except (OSError, ValidationError):

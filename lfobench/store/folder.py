@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -27,6 +28,9 @@ SEAL = "seal"
 
 FAILURE_SUFFIX = ".failure"
 
+TUNING = "tuning"
+"""Folder below an output folder where ``lfobench tune`` keeps its trials, whose records are nobody's results."""
+
 
 @dataclass(frozen=True)
 class RecordFolder:
@@ -43,7 +47,7 @@ class RecordFolder:
         """The one place of a run's record."""
         cell = run.cell
         name = f"{cell.method.name}-{cell.preset}-seed{run.seed}-{run.identity_hash[:12]}.json"
-        return self.records / _safe(cell.task.name) / _safe(name)
+        return self.records / safe_name(cell.task.name) / safe_name(name)
 
     def checkpoint(self, job_hash: str) -> Path:
         """The checkpoint of a job."""
@@ -51,7 +55,12 @@ class RecordFolder:
 
     def failure(self, run: Run) -> Path:
         """Where a crashed run is told of; its own suffix keeps it apart from records."""
-        return self.root / "failures" / _safe(run.cell.task.name) / f"{self.path(run).stem}{FAILURE_SUFFIX}"
+        return self.root / "failures" / safe_name(run.cell.task.name) / f"{self.path(run).stem}{FAILURE_SUFFIX}"
+
+    def policy(self, record: Record) -> Path:
+        """The trained policy of a run; `path` gives the record the same name."""
+        name = f"{record.method}-{record.identity['preset']}-seed{record.seed}-{record.identity_hash[:12]}"
+        return self.root / "policies" / safe_name(record.task) / safe_name(f"{name}.safetensors")
 
     def find(self, run: Run) -> Record | None:
         """The run's record, if it is there and whole."""
@@ -73,11 +82,11 @@ class RecordFolder:
 
     def remove_leftovers(self) -> None:
         """Delete what killed runs left under temporary names in this folder's own subfolders."""
-        for own in ("records", "checkpoints", "failures"):
+        for own in ("records", "policies", "checkpoints", "failures"):
             remove_leftovers(self.root / own)
 
     def read_all(self) -> RecordsRead:
-        """Every record below the folder, and a warning for every JSON file there that is not one.
+        """Every result below the folder, and a warning for every JSON file there that is not one.
 
         A run leaves one record. Copies of it, as two merged folders have, count once; two records of one run that
         differ in what they measured do not count at all.
@@ -90,10 +99,12 @@ class RecordFolder:
         with _no_garbage_collection():
             for path in self.files():
                 outcome = read_record(path)
-                if isinstance(outcome, Record):
-                    found.setdefault(outcome.identity_hash, []).append((path, outcome))
-                else:
+                if isinstance(outcome, Warning):
                     read.warnings.append(outcome)
+                elif is_trial(outcome):
+                    read.warnings.append(warning_of_trial(path))
+                else:
+                    found.setdefault(outcome.identity_hash, []).append((path, outcome))
         for identity, copies in found.items():
             paths = [path for path, _ in copies]
             contradict = any(_outcome(record) != _outcome(copies[0][1]) for _, record in copies)
@@ -105,7 +116,7 @@ class RecordFolder:
         return read
 
     def files(self) -> list[Path]:
-        """Every JSON file below the folder, in order.
+        """Every JSON file below the folder, in order, but those that ``lfobench tune`` keeps in folders of its own.
 
         Raises:
             UserError: when the folder does not exist or cannot be looked into.
@@ -115,9 +126,18 @@ class RecordFolder:
                 raise UserError(f"{self.root} is not a folder.", "Choose another --out.")
             if not self.root.is_dir():
                 raise UserError(f"No folder {self.root}.", "Run 'lfobench run' first, or name another with --out.")
-            return sorted(self.root.rglob("*.json"))
+            return self.found("*.json")
         except OSError as error:
             raise UserError(f"Cannot look into {self.root}: {error.strerror}.", "Choose another --out.") from error
+
+    def found(self, pattern: str) -> list[Path]:
+        """Files below the folder that match, in order, without those of trials."""
+        return sorted(path for path in self.root.rglob(pattern) if not self._of_trials(path))
+
+    def _of_trials(self, path: Path) -> bool:
+        # Below `records`, a folder of that name holds the results of a task of that name.
+        below = ("", *path.parts[len(self.root.parts) :])
+        return any(folder == TUNING and above != "records" for above, folder in pairwise(below))
 
 
 @dataclass
@@ -148,7 +168,18 @@ def _no_garbage_collection() -> Iterator[None]:
 
 
 def _outcome(record: Record) -> tuple[object, ...]:
-    return record.status, record.diverged_at, record.evaluations, record.metrics
+    return record.status, record.diverged_at, record.evaluations, record.further, record.metrics
+
+
+def is_trial(record: Record) -> bool:
+    """Whether the record was made for choosing hyperparameters, from starts that are not those of the tests."""
+    return bool(record.identity.get("starts", "evaluation") != "evaluation")
+
+
+def warning_of_trial(path: Path) -> Warning:
+    """What to say of a trial's record where results are asked for."""
+    remedy = "Name the folder of the results with --out."
+    return Warning(what=f"{path} is a trial of 'lfobench tune', no result, and was skipped.", remedy=remedy)
 
 
 def warnings_of_copies(paths: Sequence[Path], contradict: bool) -> list[Warning]:
@@ -203,5 +234,6 @@ def select(records: Sequence[Kept], **wanted: str | int | None) -> list[Kept]:
     ]
 
 
-def _safe(name: str) -> str:
+def safe_name(name: str) -> str:
+    """A name as part of a path on any system."""
     return re.sub(r"[^A-Za-z0-9._+-]", "_", name)

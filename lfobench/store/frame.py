@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from lfobench.contract.identity import first_problem
 from lfobench.contract.record import Record, Warning
-from lfobench.store.folder import RecordFolder, read_record, warnings_of_copies
+from lfobench.store.folder import RecordFolder, is_trial, read_record, warning_of_trial, warnings_of_copies
 from lfobench.store.index import Digest, RunFields, Stamp, digest, joined, read_index, write_index
 
 RUN_COLUMNS = tuple(name for name in RunFields.model_fields if name not in ("random_return", "expert_return"))
@@ -88,6 +88,8 @@ def _digest(file: Path, known: Digest | None) -> Digest | Warning:
     record = read_record(file)
     if not isinstance(record, Record):
         return record
+    if is_trial(record):
+        return warning_of_trial(file)
     try:
         return digest(record, stamp)
     except ValueError as error:

@@ -58,7 +58,7 @@ class Stamp(NamedTuple):
 
 
 class RunFields(_Model):
-    """What is the same for all evaluations of a record; `set` is canonical JSON."""
+    """What is the same for all evaluations of a record; `set` and `tuned` are canonical JSON."""
 
     suite: str
     group: str
@@ -68,6 +68,7 @@ class RunFields(_Model):
     method_version: Whole
     preset: str
     set: str
+    tuned: str
     source: str
     protocol: str
     protocol_steps: Whole
@@ -120,6 +121,7 @@ def digest(record: Record, stamp: Stamp) -> Digest:
         method_version=identity["method_version"],
         preset=identity["preset"],
         set=canonical_json(identity["set"]),
+        tuned=canonical_json(identity.get("tuned", {})),
         source=identity["source"],
         protocol=identity["protocol"]["name"],
         protocol_steps=identity["protocol"]["steps"],
@@ -139,7 +141,10 @@ def digest(record: Record, stamp: Stamp) -> Digest:
         raise ValueError("a step or a length needs more than 64 bits") from error
     episodes = np.array([len(each.returns) for each in evaluations] or [0], np.int64)
     returns = np.array([value for each in evaluations for value in each.returns], np.float64)
-    outcome = hashlib.sha256(canonical_json([record.status, record.diverged_at, len(steps), len(returns)]).encode())
+    said = [each.outcomes for each in evaluations]
+    told = [record.status, record.diverged_at, len(steps), len(returns), said]
+    further = None if record.further is None else record.further.model_dump(mode="json")
+    outcome = hashlib.sha256(canonical_json([*told, further]).encode())
     for part in (steps, episodes, returns, lengths):
         outcome.update(part.tobytes())
     _add_metrics(outcome, record.metrics)
@@ -178,7 +183,7 @@ class _Entry(_Model):
 
 
 class _Header(_Model):
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     records: list[_Entry]
 
 

@@ -53,14 +53,15 @@ def compared(shared_cache: Path, lfobench_command: InProcess) -> Path:
 # --- the whole way ---------------------------------------------------------------------------------------------------
 
 
-def test_run_leaves_a_record_per_run_and_nothing_else(compared: Path) -> None:
+def test_run_leaves_a_record_and_a_policy_per_run_and_nothing_else(compared: Path) -> None:
     read = RecordFolder(compared).read_all()
     assert read.warnings == []
     assert sorted((record.method, record.seed) for record in read.records) == sorted(
         (method, seed) for method in METHODS.split(",") for seed in (0, 1)
     )
     assert all(record.status == "finished" for record in read.records)
-    assert {path.suffix for path in compared.rglob("*") if path.is_file()} == {".json"}
+    kinds = {(path.relative_to(compared).parts[0], path.suffix) for path in compared.rglob("*") if path.is_file()}
+    assert kinds == {("records", ".json"), ("policies", ".safetensors")}
 
 
 def test_the_same_command_does_nothing_again(compared: Path, lfobench_command: InProcess) -> None:
@@ -544,6 +545,8 @@ def test_help_lists_every_command(lfobench_command: InProcess) -> None:
         "audit",
         "plan",
         "report",
+        "tune",
+        "video",
     }
     for path in command_paths():
         assert path[0] in text

@@ -256,3 +256,23 @@ def test_a_footprint_is_positive_and_grows_with_the_batch(name: str) -> None:
 def test_a_footprint_is_the_same_twice() -> None:
     cell = smoke_cell("dilo")
     assert Prober("cpu").footprint(cell) == Prober("cuda").footprint(cell), "steps are taken on the CPU anyway"
+
+
+@dataclass
+class SmallSteps(FakeProber):
+    """A step costs the same for any number of seeds."""
+
+    def estimate(self, cell: Cell, seeds: int, threads: int = 1) -> Estimate:
+        return Estimate(1.0, 0.0)
+
+
+def test_seeds_whose_steps_are_overhead_train_together(tmp_path: Path) -> None:
+    after = pack(agenda(tmp_path, "cpu", "dilo,smodice,oril,bco"), SmallSteps(), None, cores=2)
+    assert groups(after) == [tuple(range(7))] * 4
+
+
+def test_seeds_stay_apart_where_workers_would_idle_or_nothing_is_gained(tmp_path: Path) -> None:
+    few = pack(agenda(tmp_path, "cpu", "dilo,smodice,oril"), SmallSteps(), None, cores=2)
+    assert groups(few) == [(seed,) for seed in range(7)] * 3, "three programs would not keep two cores busy to the end"
+    large = pack(agenda(tmp_path, "cpu", "dilo,smodice,oril,bco"), FakeProber(), None, cores=2)
+    assert groups(large) == [(seed,) for seed in range(7)] * 4

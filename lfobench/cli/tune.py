@@ -1,0 +1,151 @@
+"""``lfobench tune``: choose hyperparameters from the grids that a suite declares, away from the starts of the tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lfobench.cli import options
+from lfobench.cli.console import errors, output, print_json
+from lfobench.cli.inputs import request, resolve
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lfobench.plan.planning import Plan
+    from lfobench.plan.tuning import Search
+    from lfobench.store.folder import RecordFolder, RecordsRead
+    from lfobench.store.tuning import Choice, TuningFolder
+
+SEEDS = "1000"
+"""Of the trials: not among those of any table, unless asked for."""
+
+
+def tune(
+    methods: Annotated[
+        str | None, typer.Option(help="Comma-separated methods. Default: all that the tasks declare a grid for.")
+    ] = None,
+    suite: options.SuiteName = options.DEFAULT_SUITE,
+    tasks: options.Tasks = None,
+    seeds: Annotated[str, typer.Option(help="Of every trial: numbers and ranges, e.g. 1000-1002.")] = SEEDS,
+    starts: Annotated[
+        int, typer.Option(min=1, help="Validation starts of every trial; never those of the tests.")
+    ] = 20,
+    protocol: options.ProtocolName = "auto",
+    steps: options.Steps = None,
+    preset: options.Preset = "released",
+    assign: options.Assignments = None,
+    source: options.Source = "generated",
+    device: options.Device = "auto",
+    precision: options.Precision = "auto",
+    workers: options.Workers = None,
+    out: options.Out = options.DEFAULT_OUT,
+    dry_run: options.DryRun = False,
+    as_json: options.Json = False,
+) -> None:
+    """Train every combination of a suite's grids and choose the best; 'lfobench run --tuned' then takes those values.
+
+    Example: lfobench tune --methods dilo --suite airhockey --tasks 'dynamic-*' --starts 20
+    """
+    from dataclasses import replace
+
+    from lfobench.cli import execution, packing, planned
+    from lfobench.files import remove_leftovers
+    from lfobench.plan.tuning import searches
+    from lfobench.store.tuning import TuningFolder
+
+    named = methods if methods is not None else _all_with_grids(suite, tasks)
+    wanted = request(named, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision)
+    plan = resolve(wanted)
+    found = searches(plan, wanted.assignments)
+    trials = replace(plan, cells=tuple(trial for search in found for trial in search.trials(starts)))
+    folder = TuningFolder(out)
+    todo, expected = packing.arranged(trials, _finished(folder.trials, trials), folder.trials.root, workers)
+    if not as_json:
+        planned.show(todo, expected, folder.trials.root)
+    elif dry_run:
+        print_json(planned.as_json(todo, expected))
+    if dry_run:
+        return
+    code = execution.carry_out_agenda(todo, expected, folder.trials.root, quiet=as_json) if todo.jobs else 0
+    remove_leftovers(folder.trials.root)
+    choices = _choose(folder, found, starts, plan.seeds)
+    if as_json:
+        print_json([_as_json(folder, search, choice) for search, choice in choices])
+    elif choices:
+        _show(choices, folder)
+    if code == 0 and not as_json:
+        errors.print("Done. Next: lfobench run --tuned, with the same tasks, protocol, preset and --out.")
+    raise typer.Exit(code)
+
+
+def _all_with_grids(suite: str, tasks: str | None) -> str:
+    """The methods that any of the tasks declares a grid for, as ``--methods`` takes them."""
+    from lfobench.errors import UserError
+    from lfobench.plan.names import select_tasks, split_names
+    from lfobench.plan.tuning import methods_with_grids
+    from lfobench.registry import load_suite
+
+    loaded = load_suite(suite)
+    found = methods_with_grids(select_tasks(loaded.tasks, ["*"] if tasks is None else split_names(tasks)))
+    if not found:
+        raise UserError(
+            f"Suite '{loaded.name}' declares no grid{'' if tasks is None else ' for these tasks'}.",
+            "There is nothing to choose: train with 'lfobench run'.",
+        )
+    return ",".join(found)
+
+
+def _finished(trials: RecordFolder, plan: Plan) -> RecordsRead:
+    """The trials that are there; as results, they would not be read at all."""
+    from lfobench.store.folder import RecordsRead
+
+    return RecordsRead([record for run in plan.runs if (record := trials.find(run)) is not None])
+
+
+def _choose(
+    folder: TuningFolder, found: Sequence[Search], starts: int, seeds: Sequence[int]
+) -> list[tuple[Search, Choice]]:
+    """The choices whose trials are all there, each written unless it is already."""
+    from lfobench.store.tuning import choose
+
+    choices = []
+    for search in found:
+        records = folder.trial_records(search, starts, seeds)
+        if records is None:
+            continue
+        choice = choose(search, starts, records)
+        if folder.find(search) != choice:
+            folder.write(search, choice)
+        choices.append((search, choice))
+    return choices
+
+
+def _as_json(folder: TuningFolder, search: Search, choice: Choice) -> dict[str, Any]:
+    return {
+        "task": search.cell.task.name,
+        "method": search.cell.method.name,
+        "file": str(folder.path(search)),
+        "tuning": choice.tuning.model_dump(mode="json"),
+        "trials": [{**trial.model_dump(mode="json"), "score": trial.score} for trial in choice.trials],
+    }
+
+
+def _show(choices: Sequence[tuple[Search, Choice]], folder: TuningFolder) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table("task", "method", "chosen", "score", "of all trials", title="Choices", title_style="bold")
+    for search, choice in choices:
+        values = ", ".join(f"{field} = {value}" for field, value in choice.tuning.chosen.items())
+        scores = [trial.score for trial in choice.trials]
+        table.add_row(
+            escape(search.cell.task.name),
+            escape(search.cell.method.name),
+            escape(values),
+            f"{choice.best.score:.1f}",
+            f"{min(scores):.1f} to {max(scores):.1f} ({len(scores)})",
+        )
+    output.print(table)
+    output.print(f"in {escape(str(folder.trials.root))}; {choices[0][1].tuning.criterion}", soft_wrap=True)

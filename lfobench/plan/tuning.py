@@ -1,0 +1,200 @@
+"""Hyperparameters chosen from the grids that a suite declares: what is tried, and what a choice holds for."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+from pydantic import ValidationError
+
+from lfobench.contract.record import Tuning, canonical_json, content_hash
+from lfobench.contract.suite import Task
+from lfobench.errors import UserError, unknown_name
+from lfobench.plan.cells import Cell
+from lfobench.plan.names import parse_assignments, split_names
+from lfobench.plan.planning import Plan, Request
+
+
+@dataclass(frozen=True)
+class Search:
+    """The grid of one method on one task.
+
+    Attributes:
+        cell: what trains without a choice.
+        tried: the cell with every combination of the grid's values, those of the last field varying fastest.
+    """
+
+    cell: Cell
+    tried: tuple[Cell, ...]
+
+    @cached_property
+    def grid(self) -> dict[str, list[Any]]:
+        """Field to its values, as the configuration spells them, in declared order."""
+        fields = self.tried[0].tuned
+        return {field: _distinct(cell.tuned[field] for cell in self.tried) for field in fields}
+
+    @cached_property
+    def conditions(self) -> dict[str, Any]:
+        """All that a choice holds for, as JSON data: the cell's identity, but for what evaluates it, and the grid.
+
+        The choosing itself (seeds, validation starts) is not among it, so a later search takes an earlier one's place.
+        """
+        identity = self.cell.identity
+        return {
+            **{field: value for field, value in identity.items() if field not in ("overrides", "set")},
+            "config": {field: value for field, value in identity["config"].items() if field not in self.grid},
+            "protocol": {field: identity["protocol"][field] for field in ("name", "steps")},
+            "grid": self.grid,
+        }
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of the conditions; names the choice."""
+        return content_hash(self.conditions)
+
+    def trials(self, starts: int) -> tuple[Cell, ...]:
+        """What trains to decide, in the order of `tried`: evaluated once, when trained, from validation starts."""
+        protocol = self.cell.protocol
+        once = replace(
+            protocol,
+            evaluation_every=protocol.steps_for(self.cell.task),
+            evaluation_episodes=starts,
+            further_episodes=0,
+        )
+        return tuple(replace(cell, protocol=once, starts="validation") for cell in self.tried)
+
+    def chosen(self, tuning: Tuning, kept: Collection[str]) -> Cell:
+        """The cell with the chosen values, except in the fields that `kept` names; they stay as they are."""
+        values = {field: value for field, value in tuning.chosen.items() if field not in kept}
+        if not values:
+            return self.cell
+        return replace(_with_values(self.cell, values), tuning=tuning.model_copy(update={"chosen": values}))
+
+
+def search_of(cell: Cell) -> Search | None:
+    """The search that the suite declares for a cell's method and task, if it does.
+
+    Raises:
+        UserError: for a grid that the method cannot take, which is the suite's mistake.
+    """
+    grid = cell.task.grids.get(cell.method.name)
+    if not grid:
+        return None
+    known = cell.method.Config.model_fields
+    for field, values in grid.items():
+        if field not in known:
+            unknown = unknown_name("field", field, known)
+            raise _mistake(cell, f"has the field '{field}', which {cell.method.name} lacks", unknown.remedy)
+        if not values:
+            raise _mistake(cell, f"has no value for {field}", "Give it values, or leave the field out.")
+    tried = tuple(_with_values(cell, dict(zip(grid, values, strict=True))) for values in product(*grid.values()))
+    search = Search(cell, tried)
+    for field, values in grid.items():
+        if len(search.grid[field]) < len(values):
+            raise _mistake(cell, f"has a value of {field} twice", "Name every value once.")
+    return search
+
+
+def searches(plan: Plan, assignments: Sequence[str]) -> list[Search]:
+    """The searches that ``lfobench tune`` makes for a plan, in its order; a cell without a grid has none.
+
+    Args:
+        plan: tasks and methods.
+        assignments: what ``--set`` says.
+
+    Raises:
+        UserError: for a method without a grid on any of the tasks, a field that ``--set`` and a grid both name, or a
+            suite's mistake.
+    """
+    found = [search for cell in plan.cells if (search := search_of(cell)) is not None]
+    methods = list(dict.fromkeys(cell.method.name for cell in plan.cells))
+    searched = methods_with_grids(plan.tasks)
+    for name in methods:
+        if name not in searched:
+            raise UserError(
+                f"Suite '{plan.suite.name}' declares no grid for {name} on {_listed(plan.tasks)}.",
+                f"Leave it out; with a grid: {', '.join(searched) or 'none'}.",
+            )
+    assigned = parse_assignments(assignments, methods)
+    for search in found:
+        for field in search.grid:
+            if field in assigned.get(search.cell.method.name, {}):
+                raise UserError(
+                    f"--set {search.cell.method.name}.{field} names a field of the grid on {search.cell.task.name}.",
+                    "Leave it out: the search tries the grid's values.",
+                )
+    return found
+
+
+def methods_with_grids(tasks: Iterable[Task]) -> list[str]:
+    """Methods that any of the tasks declares a grid for, as they first appear."""
+    return list(dict.fromkeys(name for task in tasks for name, grid in task.grids.items() if grid))
+
+
+def tune_command(request: Request, protocol: str, lacking: Sequence[Search], out: str) -> str:
+    """What a user types to make choices that lack: the request, for those methods and tasks.
+
+    Args:
+        request: what was typed.
+        protocol: its name, where the request leaves it to us.
+        lacking: the searches.
+        out: the output folder.
+    """
+    methods = list(dict.fromkeys(search.cell.method.name for search in lacking))
+    fields = {(search.cell.method.name, field) for search in lacking for field in search.grid}
+    options = {
+        "--methods": ",".join(methods),
+        "--suite": request.suite,
+        "--tasks": ",".join(dict.fromkeys(search.cell.task.name for search in lacking)),
+        "--protocol": protocol,
+        "--steps": request.steps,
+        "--preset": request.preset,
+        "--source": request.source,
+        "--device": request.device,
+        "--precision": request.precision,
+        "--out": out,
+    }
+    defaults = {"--preset": "released", "--source": "generated", "--device": "auto", "--precision": "auto"}
+    words = ["lfobench", "tune"]
+    for option, value in options.items():
+        if value is not None and value != defaults.get(option):
+            words += [option, str(value)]
+    for assignment in request.assignments:
+        ((method, settings),) = parse_assignments([assignment], split_names(request.methods)).items()
+        if method in methods and not any((method, field) in fields for field in settings):
+            words += ["--set", assignment]
+    return shlex.join(words)
+
+
+def _with_values(cell: Cell, values: Mapping[str, Any]) -> Cell:
+    """The cell with `values` over whatever decided those fields before."""
+    try:
+        config = cell.method.Config.model_validate({**cell.config.model_dump(), **values})
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise _mistake(cell, f"has {place} = {first['input']!r}: {first['msg'].lower()}", "Mend the value.") from error
+    plain = config.model_dump(mode="json")
+    return replace(
+        cell,
+        config=config,
+        budget={field: value for field, value in cell.budget.items() if field not in values},
+        tuned={field: plain[field] for field in values},
+    )
+
+
+def _mistake(cell: Cell, problem: str, remedy: str) -> UserError:
+    where = f"Suite '{cell.suite_name}', task '{cell.task.name}'"
+    return UserError(f"{where}: the grid of {cell.method.name} {problem}.", remedy)
+
+
+def _listed(tasks: Sequence[Task]) -> str:
+    return tasks[0].name if len(tasks) == 1 else f"any of {len(tasks)} tasks"
+
+
+def _distinct(values: Iterable[Any]) -> list[Any]:
+    return list({canonical_json(value): value for value in values}.values())

@@ -1,0 +1,205 @@
+"""Choices of hyperparameters on disk, and the trials behind them.
+
+Below the output folder, ``tuning/<task>/<method>-<preset>-<hash>.json`` is a choice, and ``tuning`` itself is a folder
+of ordinary records, one per trial and seed.
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+
+from lfobench.contract.record import Record, Tuning, content_hash
+from lfobench.contract.statistic import Statistic
+from lfobench.errors import UserError
+from lfobench.files import write_text
+from lfobench.plan.cells import Run
+from lfobench.plan.names import parse_assignments, split_names
+from lfobench.plan.planning import Plan, Request
+from lfobench.plan.tuning import Search, search_of, tune_command
+from lfobench.store.explain import differences
+from lfobench.store.folder import SEAL, TUNING, RecordFolder, safe_name
+
+CRITERION = Statistic("last")
+"""By what trials are compared. Each is evaluated once, when it is trained."""
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Trial(_Model):
+    """One combination of the grid's values, and what came of it."""
+
+    values: dict[str, Any]
+    scores: list[FiniteFloat] = Field(min_length=1, description="Per seed; 0 where it diverged.")
+    diverged: list[int] = Field(description="Seeds that did.")
+
+    @property
+    def score(self) -> float:
+        """What it is compared by."""
+        return statistics.fmean(self.scores)
+
+
+class Choice(_Model):
+    """What a search chose for one method on one task, and from what."""
+
+    conditions: dict[str, Any] = Field(description="What the choice holds for; see plan/tuning.py.")
+    seeds: list[int] = Field(min_length=1, description="Of every trial.")
+    starts: int = Field(ge=1, description="Validation starts of every trial.")
+    trials: list[Trial] = Field(min_length=1, description="In declared order.")
+    tuning: Tuning
+    packages: dict[str, str] = Field(description="Versions behind the first trial.")
+
+    @property
+    def best(self) -> Trial:
+        """The trial of the chosen values."""
+        return best(self.trials)
+
+
+def best(trials: Sequence[Trial]) -> Trial:
+    """The trial of the highest score; of equal ones, that with the fewest diverged seeds, then the first."""
+    return max(trials, key=lambda trial: (trial.score, -len(trial.diverged)))
+
+
+def choose(search: Search, starts: int, records: Sequence[Sequence[Record]]) -> Choice:
+    """The choice among a search's combinations.
+
+    Args:
+        search: the grid.
+        starts: validation starts of every trial.
+        records: per combination, in the order of `search.tried`, one per seed.
+    """
+    trials = [
+        Trial(
+            values=dict(cell.tuned),
+            scores=[record.score(CRITERION) for record in members],
+            diverged=[record.seed for record in members if record.status == "diverged"],
+        )
+        for cell, members in zip(search.tried, records, strict=True)
+    ]
+    everything = [record for members in records for record in members]
+    seeds = [record.seed for record in records[0]]
+    tuning = Tuning(
+        grid=search.grid,
+        chosen=best(trials).values,
+        criterion=f"mean score of the last evaluation over {starts} validation starts"
+        + (f" and {len(seeds)} seeds" if len(seeds) > 1 else ""),
+        runs=len(everything),
+        steps=sum(record.provenance["gradient_steps"] for record in everything),
+    )
+    packages = records[0][0].provenance.get("packages", {})
+    return Choice(
+        conditions=search.conditions, seeds=seeds, starts=starts, trials=trials, tuning=tuning, packages=packages
+    )
+
+
+@dataclass(frozen=True)
+class TuningFolder:
+    """Choices and trials below an output folder."""
+
+    root: Path
+
+    @property
+    def trials(self) -> RecordFolder:
+        """The records of the trials."""
+        return RecordFolder(self.root / TUNING)
+
+    def path(self, search: Search) -> Path:
+        """The one place of a search's choice."""
+        cell = search.cell
+        name = f"{cell.method.name}-{cell.preset}-{search.hash[:12]}.json"
+        return self.root / TUNING / safe_name(cell.task.name) / safe_name(name)
+
+    def trial_records(self, search: Search, starts: int, seeds: Sequence[int]) -> list[list[Record]] | None:
+        """Per combination and seed, the trial's record; None while one is missing."""
+        found = [[self.trials.find(Run(cell, seed)) for seed in seeds] for cell in search.trials(starts)]
+        complete = [[record for record in members if record is not None] for members in found]
+        return complete if all(len(members) == len(seeds) for members in complete) else None
+
+    def write(self, search: Search, choice: Choice) -> Path:
+        """Store a choice atomically, in the place of an earlier one that holds for the same."""
+        path = self.path(search)
+        content = choice.model_dump(mode="json")
+        write_text(path, json.dumps({**content, SEAL: content_hash(content)}, indent=1, allow_nan=False) + "\n")
+        return path
+
+    def find(self, search: Search) -> Choice | None:
+        """The choice that holds for a search's conditions, if there is one and it is whole."""
+        choice = self._read(self.path(search))
+        return choice if choice is not None and content_hash(choice.conditions) == search.hash else None
+
+    def problem(self, search: Search) -> str:
+        """Why `find` finds nothing, in a sentence; of other choices for the method and task, the nearest is told.
+
+        Raises:
+            UserError: when the folder cannot be looked into.
+        """
+        what = f"{search.cell.method.name} on {search.cell.task.name}"
+        path = self.path(search)
+        try:
+            there = path.exists()
+            others = sorted(path.parent.glob(f"{safe_name(search.cell.method.name)}-*.json"))
+        except OSError as error:
+            raise UserError(f"Cannot look into {path.parent}: {error.strerror}.", "Choose another --out.") from error
+        if there:
+            return f"The choice for {what} in {path} is damaged, or was edited after it was written."
+        stale = {
+            other: list(differences(choice.conditions, search.conditions))
+            for other in others
+            if (choice := self._read(other)) is not None and choice.conditions.get("method") == search.cell.method.name
+        }
+        if not stale:
+            return f"There is no choice for {what} in {self.root}."
+        nearest = min(stale, key=lambda other: len(stale[other]))
+        return f"The choice for {what} in {nearest} was made under other conditions: {'; '.join(stale[nearest])}."
+
+    @staticmethod
+    def _read(path: Path) -> Choice | None:
+        try:
+            content = json.loads(path.read_bytes())
+            seal = content.pop(SEAL, None) if isinstance(content, dict) else None
+            choice = Choice.model_validate(content)
+        except (OSError, ValueError, ValidationError, RecursionError):
+            return None
+        return choice if seal == content_hash(content) else None
+
+
+def with_choices(plan: Plan, request: Request, folder: TuningFolder) -> Plan:
+    """The plan with the chosen values, where the suite declares a grid; what ``--set`` says stays over them.
+
+    Raises:
+        UserError: where a choice is missing or holds for something else, naming the command that makes it, or where
+            there is nothing to choose at all.
+    """
+    cells, lacking, declared = [], [], False
+    assigned = parse_assignments(request.assignments, split_names(request.methods))
+    for cell in plan.cells:
+        search = search_of(cell)
+        if search is None:
+            cells.append(cell)
+            continue
+        declared = True
+        kept = assigned.get(cell.method.name, {}).keys()
+        if search.grid.keys() <= kept:
+            cells.append(cell)
+        elif choice := folder.find(search):
+            cells.append(search.chosen(choice.tuning, kept))
+        else:
+            lacking.append(search)
+    if not declared:
+        raise UserError(
+            f"Suite '{plan.suite.name}' declares no grid for these methods and tasks, so nothing is tuned.",
+            "Leave out --tuned.",
+        )
+    if lacking:
+        more = f" In all, {len(lacking)} choices are missing or out of date." if len(lacking) > 1 else ""
+        command = tune_command(request, plan.protocol.name, lacking, str(folder.root))
+        raise UserError(f"{folder.problem(lacking[0])}{more}", f"Run first: {command}")
+    return replace(plan, cells=tuple(cells))
