@@ -15,9 +15,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, cast, get_args
+from typing import TYPE_CHECKING, TypedDict
 
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record, Warning
@@ -26,12 +25,13 @@ from lfobench.errors import UserError, unknown_name
 from lfobench.files import write_text
 from lfobench.plan.names import split_names
 from lfobench.registry import load_suite, suite_names
-from lfobench.render.against import published_scores, with_published
+from lfobench.render.beside import beside
 from lfobench.render.building import build_table
 from lfobench.render.formats import export
+from lfobench.render.outcomes import OutcomeTable, outcome_table
+from lfobench.render.rules import make_rule, table_rule
 from lfobench.render.table import Table
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
-from lfobench.stats.names import Correction, Scope, Test
 from lfobench.store.failures import read_failures
 from lfobench.store.folder import RecordFolder, select
 from lfobench.store.frame import load
@@ -42,7 +42,19 @@ if TYPE_CHECKING:
 
     from lfobench.render.plots.figure import PaperFigure
 
-__all__ = ["Filters", "Selection", "export", "load", "make_rule", "plot", "report", "select_records", "table"]
+__all__ = [
+    "Filters",
+    "Selection",
+    "export",
+    "load",
+    "make_rule",
+    "outcomes",
+    "plot",
+    "report",
+    "select_records",
+    "table",
+    "table_rule",
+]
 
 COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
 """Order of the columns where none is asked for; other methods follow as they first appear."""
@@ -80,6 +92,10 @@ class Selection:
     def table(self, statistic: Statistic, rule: Rule) -> Table:
         """The table of the selected records."""
         return build_table(self.records, statistic, rule, self.tasks, self.methods, self.failures)
+
+    def outcomes(self) -> OutcomeTable:
+        """How the episodes of the selected records ended."""
+        return outcome_table(self.records, self.tasks, self.methods, self.failures)
 
 
 def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:
@@ -124,29 +140,11 @@ def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:
     )
 
 
-def make_rule(test: str = "welch", scope: str = "group", correction: str = "none", alpha: float = 0.05) -> Rule:
-    """The four knobs as a value.
-
-    Raises:
-        UserError: an unknown name, or a level outside 0 to 1.
-    """
-    for kind, name, known in (
-        ("test", test, get_args(Test)),
-        ("scope", scope, get_args(Scope)),
-        ("correction", correction, get_args(Correction)),
-    ):
-        if name not in known:
-            raise unknown_name(kind, name, known)
-    if not 0.0 < alpha < 1.0:
-        raise UserError(f"alpha = {alpha} is not a level.", "Choose one between 0 and 1, e.g. 0.05.")
-    return Rule(cast("Test", test), cast("Scope", scope), cast("Correction", correction), alpha)
-
-
 def table(
     out: str | Path,
     *,
     statistic: str = "last5",
-    test: str = "welch",
+    test: str | None = None,
     scope: str = "group",
     correction: str = "none",
     alpha: float = 0.05,
@@ -157,30 +155,38 @@ def table(
 ) -> Table:
     """The table of a folder of records, as ``lfobench table`` prints it; a notebook shows it as HTML.
 
+    Without a `test` it shows success counts, compared by Fisher's test, where every record says how its episodes ended,
+    and else scores, compared by Welch's.
+
     `against` names a publication, whose numbers then stand beside ours, each with the verdict of an equivalence test
-    within `margin` points; `anyway` shows them although the source or the protocol is another.
+    within `margin` points, or of Fisher's test of counts; `anyway` shows them although the source or the protocol is
+    another.
 
     Raises:
         UserError: as the command line says it.
     """
-    rule = make_rule(test, scope, correction, alpha)
     counted = parse_statistic(statistic)
-    built = _selected(out, **filters).table(counted, rule)
+    selection = _selected(out, **filters)
+    built = selection.table(counted, table_rule(selection.records, test, scope, correction, alpha))
     return built if against is None else hold_against(built, against, margin, anyway)
 
 
+def outcomes(out: str | Path, **filters: Unpack[Filters]) -> OutcomeTable:
+    """How the episodes of a folder of records ended, as ``lfobench table --outcomes`` prints it.
+
+    Raises:
+        UserError: as the command line says it.
+    """
+    return _selected(out, **filters).outcomes()
+
+
 def hold_against(table: Table, publication: str, margin: float, anyway: bool) -> Table:
-    """`table` with the numbers of a publication beside ours.
+    """`table` with the numbers of a publication beside ours: its counts beside counts, its scores beside scores.
 
     Raises:
         UserError: an unknown publication, a margin that is not positive, or numbers that are not comparable.
     """
-    if not 0.0 < margin < inf:
-        raise UserError(f"--margin {margin:g} is not a margin.", "Give a number of points above 0, e.g. 5.")
-    if not 0.0 < table.rule.alpha < 0.5:
-        raise UserError(f"alpha = {table.rule.alpha:g} leaves nothing of an equivalence test.", "Choose one below 0.5.")
-    published = published_scores(read_publication(publication))
-    return with_published(table, published, margin, table.rule.alpha, anyway)
+    return beside(table, read_publication(publication), margin, anyway)
 
 
 def plot(

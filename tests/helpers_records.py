@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from lfobench.contract.record import Evaluation, Labels, Record, Warning, content_hash
+from lfobench.contract.record import SUCCESS, Evaluation, Labels, Record, Tuning, Warning, content_hash
 
 
 def make_record(
@@ -80,3 +80,82 @@ def make_record(
 def make_cell(scores: Iterable[float], method: str = "dilo", **options: Any) -> list[Record]:
     """One record per score, with seeds 0, 1, 2, …"""
     return [make_record(score, method, seed, **options) for seed, score in enumerate(scores)]
+
+
+def make_counted(
+    fixed: Sequence[str],
+    further: Sequence[str] = (),
+    method: str = "dilo",
+    seed: int = 0,
+    row: str = "safe-manipulation",
+    group: str = "few-trajectories",
+    *,
+    evaluations: int = 3,
+    diverged_at: int | None = None,
+    tuning: Tuning | None = None,
+    sees_expert_actions: bool = False,
+    **identity: Any,
+) -> Record:
+    """A record that says how its episodes ended, from the fixed and from further starts; a success returns 1.
+
+    Its earlier evaluations have no success. A run that diverged has none at all, and only plans as many episodes.
+    """
+    plain = make_record(
+        0.0,
+        method,
+        seed,
+        row,
+        group,
+        diverged_at=diverged_at,
+        sees_expert_actions=sees_expert_actions,
+        **{
+            "task": f"{row}-{group}",
+            "environment": {
+                "name": row,
+                "id": "lfobench/SafeManipulation-v0",
+                "horizon": 200,
+                "random_return": 0.0,
+                "expert_return": 1.0,
+                "arguments": {},
+            },
+            "recipe": {
+                "offline": "suboptimal",
+                "offline_trajectories": 50,
+                "expert": "teleoperation",
+                "expert_trajectories": 15,
+                "expert_transitions": None,
+                "expert_actions": True,
+                "equal_transitions": True,
+            },
+            "protocol": {
+                "name": "quick",
+                "steps": 3000,
+                "steps_assigned": False,
+                "evaluation_every": 1000,
+                "evaluation_episodes": len(fixed),
+                **({"further_episodes": len(further)} if further else {}),
+            },
+            **identity,
+        },
+    )
+    none = ["out of time"] * len(fixed)
+    endings = [*([none] * (evaluations - 1)), list(fixed)] if diverged_at is None else []
+    labels = plain.labels.model_copy(update={"suite": "airhockey"})
+    return plain.model_copy(
+        update={
+            "labels": labels,
+            "evaluations": [_ended(1000 * (index + 1), outcomes) for index, outcomes in enumerate(endings)],
+            "further": _ended(1000 * evaluations, further) if further and diverged_at is None else None,
+            "tuning": tuning,
+        }
+    )
+
+
+def endings(successes: int, trials: int, failure: str = "cup hit") -> list[str]:
+    """That many successes, then failures of one kind."""
+    return [SUCCESS] * successes + [failure] * (trials - successes)
+
+
+def _ended(step: int, outcomes: Sequence[str]) -> Evaluation:
+    returns = [float(outcome == SUCCESS) for outcome in outcomes]
+    return Evaluation(step=step, returns=returns, lengths=[100] * len(returns), outcomes=list(outcomes))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from lfobench.contract.publication import Publication, TableOfMeans
 from lfobench.errors import UserError
 from lfobench.render.cell_text import AGREEMENTS
-from lfobench.render.table import Cell, Column, Note, Row, Table
+from lfobench.render.ghosts import published_columns, with_ghosts
+from lfobench.render.table import Block, Cell, Column, Note, Row, Table
 from lfobench.stats.equivalence import equivalence_test
 from lfobench.stats.sample import Sample
 from lfobench.stats.summary import Summary
@@ -85,61 +86,23 @@ def with_published(table: Table, published: PublishedScores, margin: float, alph
             f"These records are not comparable with {published.name}: the {' and the '.join(differing)}.",
             "Add --anyway to see them side by side, labelled as such.",
         )
-    ghosts = {ours: _ghost(ours, bool(differing)) for ours in _published_columns(table, published)}
-    blocks = tuple(
-        replace(
-            block, rows=tuple(_with_ghosts(row, table.columns, ghosts, published, margin, alpha) for row in block.rows)
-        )
-        for block in table.blocks
-    )
-    notes = (*table.notes, *_notes(published, differing, margin, alpha))
-    return replace(table, columns=(*table.columns, *ghosts.values()), blocks=blocks, notes=notes)
-
-
-def _published_columns(table: Table, published: PublishedScores) -> list[Column]:
     tasks = {row.task for _, row in table.rows()}
-    methods = {method for task, method in published.scores if task in tasks}
-    columns = [column for column in table.columns if column.run_here and column.method in methods]
-    if not columns:
-        raise UserError(
-            f"{published.name} has no number for any task and method of this table.",
-            f"It has the methods {', '.join(sorted({method for _, method in published.scores}))}.",
-        )
-    names = [column.method for column in columns]
-    repeated = next((name for name in names if names.count(name) > 1), None)
-    if repeated is not None:
-        labels = " and ".join(column.label for column in columns if column.method == repeated)
-        raise UserError(
-            f"{labels} would both be held against the published {repeated}.", "Choose one, e.g. with --preset released."
-        )
-    return columns
+    beside = published_columns(
+        table,
+        published.name,
+        {method for task, method in published.scores if task in tasks},
+        {method for _, method in published.scores},
+    )
 
-
-def _ghost(column: Column, incomparable: bool) -> Column:
-    return Column(column.method, column.method, "", "incomparable" if incomparable else "published")
-
-
-def _with_ghosts(
-    row: Row,
-    columns: Sequence[Column],
-    ghosts: Mapping[Column, Column],
-    published: PublishedScores,
-    margin: float,
-    alpha: float,
-) -> Row:
-    added: list[Cell | None] = []
-    for ours, cell in zip(columns, row.cells, strict=True):
-        if ours not in ghosts:
-            continue
-        theirs = published.scores.get((row.task, ours.method))
+    def ghost(_block: Block, row: Row, column: Column, ours: Cell | None) -> Cell | None:
+        theirs = published.scores.get((row.task, column.method))
         if theirs is None:
-            added.append(None)
-        elif cell is None or cell.summary is None:
-            added.append(Cell(Sample(theirs)))
-        else:
-            result = equivalence_test(cell.summary, theirs, margin, alpha)
-            added.append(Cell(Sample(theirs), agreement=result.agreement))
-    return replace(row, cells=(*row.cells, *added))
+            return None
+        if ours is None or ours.summary is None:
+            return Cell(Sample(theirs))
+        return Cell(Sample(theirs), agreement=equivalence_test(ours.summary, theirs, margin, alpha).agreement)
+
+    return with_ghosts(table, beside, not differing, ghost, _notes(published, differing, margin, alpha))
 
 
 def _notes(published: PublishedScores, differing: Sequence[str], margin: float, alpha: float) -> list[Note]:

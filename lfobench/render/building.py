@@ -12,6 +12,7 @@ from lfobench.contract.statistic import HEADLINE, Statistic
 from lfobench.errors import UserError
 from lfobench.render.columns import arrange_columns, column_of_failure
 from lfobench.render.conditions import check_cell, check_unmixed
+from lfobench.render.counting import check_counts, scores_are_success_rates, successes_of
 from lfobench.render.footnote import footnote
 from lfobench.render.table import Block, Cell, Column, Row, Table, competes
 from lfobench.stats.highlight import DEFAULT_RULE, Rule, highlights
@@ -33,7 +34,7 @@ def build_table(
     Args:
         records: from one source under one protocol, in any order.
         statistic: what a run's evaluations are reduced to.
-        rule: what is highlighted.
+        rule: what is highlighted; its test decides whether cells show scores or success counts.
         tasks: names in row order; tasks not named follow as they first appear.
         methods: names in column order, inside each column group; the others follow as they first appear.
         failures: runs that crashed; counted in the cells that they belong to, where the table has such cells.
@@ -45,11 +46,14 @@ def build_table(
     if not records:
         raise UserError("There are no records to make a table of.", "Run `lfobench run` first.")
     check_unmixed(records)
+    counts = rule.test == "fisher"
+    if counts:
+        check_counts(records, statistic)
     columns = arrange_columns(records, methods)
     ordered = _in_order([record.task for record in records], tasks)
     cells = {
         task: {
-            column: _cell(members, statistic)
+            column: _cell(members, statistic, counts)
             for column, those in columns.items()
             if (members := [record for record in those if record.task == task])
         }
@@ -67,6 +71,7 @@ def build_table(
         rule=rule,
         source=str(records[0].identity["source"]),
         protocol=str(records[0].identity["protocol"]["name"]),
+        success_rates=scores_are_success_rates(records),
     )
     return replace(table, notes=footnote(table, columns))
 
@@ -76,11 +81,15 @@ def _in_order(names: Sequence[str], order: Sequence[str]) -> list[str]:
     return sorted(dict.fromkeys(names), key=lambda name: ranks.get(name, len(ranks)))
 
 
-def _cell(records: Sequence[Record], statistic: Statistic) -> Cell:
+def _cell(records: Sequence[Record], statistic: Statistic, counts: bool) -> Cell:
     check_cell(records)
     by_seed = sorted(records, key=lambda record: record.seed)
     return Cell(
-        sample=sample_of([record.score(statistic) for record in by_seed], _start_scores(by_seed, statistic)),
+        sample=sample_of(
+            [record.score(statistic) for record in by_seed],
+            _start_scores(by_seed, statistic),
+            successes_of(by_seed) if counts else None,
+        ),
         seeds=tuple(record.seed for record in by_seed),
         diverged_seeds=tuple(record.seed for record in by_seed if record.status == "diverged"),
     )

@@ -16,13 +16,15 @@ from lfobench.render.table import Column
 class _Variant:
     """A method as it was run. Two variants of one method never share a column.
 
-    `config` is empty unless the other fields do not tell the variants apart: a config may follow the task.
+    What tuning chose may differ from task to task; whether a method was tuned is what tells variants apart. `config` is
+    empty unless the other fields do not tell the variants apart: a config may follow the task.
     """
 
     method: str
     version: str
     preset: str
     options: str
+    tuned: bool
     config: str = ""
 
 
@@ -88,6 +90,7 @@ def _variant(record: Record | Failure, config: str = "") -> _Variant:
         version=str(identity["method_version"]),
         preset=str(identity["preset"]),
         options=canonical_json(identity.get("set", {})),
+        tuned=bool(identity.get("tuned")),
         config=config,
     )
 
@@ -106,8 +109,11 @@ def _labels(variants: Mapping[_Variant, Sequence[Record]]) -> dict[_Variant, str
         if len({other.version for other in siblings}) > 1:
             label += f"@{variant.version}"
         fields = _told_apart_by(variant, members[0].identity, variants)
-        if fields:
-            label += f"({', '.join(f'{field}={canonical_json(value)}' for field, value in fields.items())})"
+        shown = [f"{field}={canonical_json(value)}" for field, value in fields.items()]
+        if variant.tuned and not all(other.tuned for other in siblings):
+            shown.insert(0, "tuned")
+        if shown:
+            label += f"({', '.join(shown)})"
         labels[variant] = label
     return labels
 

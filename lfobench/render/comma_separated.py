@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Iterable
 
-from lfobench.render.table import Table
+from lfobench.render.table import Cell, Table
 
 FIELDS = (
     "group",
@@ -38,17 +38,32 @@ FIELDS = (
     "protocol",
 )
 
+COUNT_FIELDS = (
+    "successes",
+    "trials",
+    "rate_low",
+    "rate_high",
+    "fixed_successes",
+    "fixed_trials",
+    "variance_inflation",
+    "seed_successes",
+    "seed_trials",
+    "agreement_p",
+)
+"""Behind `FIELDS` in a table of success counts."""
+
 
 def comma_separated(table: Table) -> str:
-    """CSV with a header of `FIELDS`.
+    """CSV with a header of `FIELDS`; a table of success counts has `COUNT_FIELDS` too.
 
     A cell without records has n = 0; `mean`, `std`, `p` and `adjusted_p` are empty where undefined; flags are 0 or
     1; seeds and their scores are separated by blanks. `outcome`, `p` and `adjusted_p` belong to the row: best against
-    second best in scope.
+    second best in scope. Counts are pooled over seeds; `fixed_` ones are those of the fixed test starts alone, `seed_`
+    ones those of every seed, in the order of `seeds`; the ends of the rate's interval lie between 0 and 1.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(FIELDS)
+    writer.writerow([*FIELDS, *(COUNT_FIELDS if table.counts else ())])
     for block, row in table.rows():
         for column, cell in zip(table.columns, row.cells, strict=True):
             summary = cell.summary if cell else None
@@ -81,9 +96,29 @@ def comma_separated(table: Table) -> str:
                     table.rule.alpha,
                     table.source,
                     table.protocol,
+                    *(_counts(cell) if table.counts else ()),
                 ]
             )
     return text.getvalue()
+
+
+def _counts(cell: Cell | None) -> list[float | str | None]:
+    """The values of `COUNT_FIELDS`."""
+    if cell is None or cell.successes is None:
+        return [None] * len(COUNT_FIELDS)
+    found = cell.successes
+    return [
+        found.pooled.successes,
+        found.pooled.trials,
+        found.interval.low,
+        found.interval.high,
+        found.fixed.successes,
+        found.fixed.trials,
+        found.inflation,
+        _joined(count.successes for count in found.seeds),
+        _joined(count.trials for count in found.seeds),
+        cell.agreement_p,
+    ]
 
 
 def _joined(values: Iterable[float]) -> str:

@@ -10,7 +10,7 @@ from lfobench.contract.record import Record
 from lfobench.errors import UserError
 
 # What a column may change. Everything else in an identity is a condition that a row holds fixed.
-COLUMN_FIELDS = frozenset({"method", "method_version", "preset", "config", "overrides", "set", "seed"})
+COLUMN_FIELDS = frozenset({"method", "method_version", "preset", "config", "overrides", "set", "tuned", "seed"})
 
 _SEPARATELY = "Put the records of one of them into a folder of their own and make a table of each."
 _WAYS_OUT = {"protocol.steps": "Choose one with --steps, which leaves out tasks of other lengths."}
@@ -71,8 +71,10 @@ def _check_protocols(records: Sequence[Record]) -> None:
             f"One table must not mix protocols; these records come from {' and '.join(names)}.",
             f"Choose one with {' or '.join(f'--protocol {name}' for name in names)}.",
         )
+    # Tasks whose data is counted in trajectories have budgets of their own under every protocol.
+    alike = [record for record in records if "offline_trajectories" not in record.identity["recipe"]]
     for field in ("evaluation_every", "evaluation_episodes"):
-        values = sorted({record.identity["protocol"][field] for record in records})
+        values = sorted({record.identity["protocol"][field] for record in alike})
         if len(values) > 1:
             raise UserError(
                 f"Protocol '{names[0]}' was run with {field} = {' and '.join(map(str, values))}.", _SEPARATELY

@@ -2,87 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
-from lfobench.contract.record import Record, canonical_json
-from lfobench.contract.statistic import Statistic
+from lfobench.contract.record import Record
 from lfobench.render.cell_text import DIVERGED, FAILED, MISSING
 from lfobench.render.highlight_note import highlight_notes
-from lfobench.render.table import Column, Note, Table
+from lfobench.render.score_notes import score_notes
+from lfobench.render.table import Note, Table
+from lfobench.render.training_notes import counts_trajectories, data_note, protocol_note, tuning_notes
+from lfobench.render.wording import Columns, assignments, either, per_column
 from lfobench.stats.comparison import PAIRED
-
-Columns = Mapping[Column, Sequence[Record]]
-
-STATISTICS: dict[str, str] = {
-    "last5": "mean of the last 5 evaluations",
-    "last": "last evaluation",
-    "best": "best evaluation, picked by the score it reports and therefore optimistic",
-    "at": "evaluation at step {step:,}",
-}
 
 
 def footnote(table: Table, columns: Columns) -> tuple[Note, ...]:
     """The notes of `table`, whose `columns` hold the given records."""
     records = [record for members in columns.values() for record in members]
     return (
-        _score(table.statistic, records),
-        _data(table.source, records),
-        _protocol(table.protocol, columns, records),
+        *score_notes(table, records),
+        data_note(table.source, records),
+        protocol_note(table.protocol, columns, records),
         _simulator(records),
         *_precision(records),
         seeds_note(table),
         *highlight_notes(table),
-        *_configurations(table.protocol, columns),
-        *_demonstration(table),
-        *_diverged(columns),
+        *_configurations(_layer(table.protocol, records), columns),
+        *tuning_notes(columns),
+        *_demonstration(table, records),
+        *_diverged(table, columns),
         *_failed(table),
         *_missing(table),
         *_warnings(columns),
-    )
-
-
-def _score(statistic: Statistic, records: Sequence[Record]) -> Note:
-    text = (
-        "normalised return, 100 · (return − random) / (expert − random); mean ± sample standard deviation "
-        f"over seeds. Each seed counts as the {STATISTICS[statistic.name].format(step=statistic.step)}"
-    )
-    fewest = min((len(record.evaluations) for record in records if record.status == "finished"), default=5)
-    if statistic.name == "last5" and fewest < 5:
-        text += f" (of all of them where a run has fewer; the shortest has {fewest})"
-    return Note("Score", f"{text}.")
-
-
-def _data(source: str, records: Sequence[Record]) -> Note:
-    def values(field: str) -> str:
-        return _either(record.identity["recipe"][field] for record in records)
-
-    return Note(
-        "Source",
-        f"{source}. Offline data: {values('offline_transitions')} transitions and, with their actions, "
-        f"{values('expert_trajectories')} expert trajectories. "
-        f"Expert data: {values('demonstration_rows')} rows, observations only.",
-    )
-
-
-def _protocol(name: str, columns: Columns, records: Sequence[Record]) -> Note:
-    protocol = records[0].identity["protocol"]
-    steps = _either(record.identity["protocol"]["steps"] for record in records)
-    assigned = any(record.identity["protocol"]["steps_assigned"] for record in records)
-    batches = _per_column(
-        columns,
-        lambda record: (
-            [f"batch size {record.identity['config']['batch_size']}"]
-            if "batch_size" in record.identity["config"]
-            else []
-        ),
-    )
-    return Note(
-        "Protocol",
-        f"{name}: {steps} gradient steps{' (set with --steps)' if assigned else ''}"
-        f"{f', {batches}' if batches else ''}; "
-        f"every {protocol['evaluation_every']:,} steps an evaluation of {protocol['evaluation_episodes']} "
-        "episodes, from the same starts for every method and seed.",
     )
 
 
@@ -91,8 +40,9 @@ def _simulator(records: Sequence[Record]) -> Note:
     for record in records:
         for package, version in record.identity["simulator"].items():
             versions.setdefault(package, []).append(str(version))
-    environments = sorted({str(record.identity["environment"]["id"]) for record in records})
-    packages = ", ".join(f"{package} {_either(found)}" for package, found in versions.items())
+    # An id may name the module that registers it before a colon.
+    environments = sorted({str(record.identity["environment"]["id"]).rpartition(":")[2] for record in records})
+    packages = ", ".join(f"{package} {either(found)}" for package, found in versions.items())
     return Note("Simulator", f"{packages}; {', '.join(environments)}.")
 
 
@@ -117,19 +67,24 @@ def seeds_note(table: Table) -> Note:
     choices = {cell.seeds for _, _, cell in cells}
     which = f"seeds {', '.join(map(str, choices.pop()))}" if len(choices) == 1 else "different seeds per cell"
     untested = "" if table.rule.test in PAIRED else " and cannot be tested"
-    spread = "" if most > 1 else f"; one seed has no standard deviation{untested}"
+    spread = "" if most > 1 or table.counts else f"; one seed has no standard deviation{untested}"
     return Note("Seeds", f"n = {most} per cell ({which}){spread}.")
 
 
-def _configurations(protocol: str, columns: Columns) -> Iterator[Note]:
-    presets = _per_column(columns, lambda record: [str(record.identity["preset"])])
+def _layer(protocol: str, records: Sequence[Record]) -> str:
+    """Who changes a method's configuration besides the user; tasks with recorded trajectories may, too."""
+    return f"protocol {protocol}{' or task' if any(map(counts_trajectories, records)) else ''}"
+
+
+def _configurations(layer: str, columns: Columns) -> Iterator[Note]:
+    presets = per_column(columns, lambda record: [str(record.identity["preset"])])
     yield Note("Presets", f"{presets}.")
     stated = [
         f"{column.label}: {', '.join(facts)}" for column, records in columns.items() if (facts := _stated(records))
     ]
     if stated:
         yield Note("Configured", f"{'; '.join(stated)}.")
-    for label, field in ((f"Set by protocol {protocol}", "overrides"), ("Set by hand", "set")):
+    for label, field in ((f"Set by {layer}", "overrides"), ("Set by hand", "set")):
         settings = [
             f"{column.label}: {', '.join(_settings(records, field))}"
             for column, records in columns.items()
@@ -140,23 +95,15 @@ def _configurations(protocol: str, columns: Columns) -> Iterator[Note]:
 
 
 def _settings(records: Sequence[Record], field: str) -> list[str]:
-    return _assignments(record.identity.get(field, {}) for record in records)
+    return assignments(record.identity.get(field, {}) for record in records)
 
 
 def _stated(records: Sequence[Record]) -> list[str]:
     """What the methods want every reader to know of their configuration."""
-    return _assignments({name: record.identity["config"][name] for name in record.labels.stated} for record in records)
+    return assignments({name: record.identity["config"][name] for name in record.labels.stated} for record in records)
 
 
-def _assignments(fields: Iterable[Mapping[str, Any]]) -> list[str]:
-    values: dict[str, list[Any]] = {}
-    for one in fields:
-        for name, value in one.items():
-            values.setdefault(name, []).append(value)
-    return [f"{name} = {_either(found)}" for name, found in values.items()]
-
-
-def _diverged(columns: Columns) -> Iterator[Note]:
+def _diverged(table: Table, columns: Columns) -> Iterator[Note]:
     runs = [
         f"{column.label} on {record.task}, seed {record.seed}"
         + (f" (step {record.diverged_at:,})" if record.diverged_at is not None else "")
@@ -165,12 +112,17 @@ def _diverged(columns: Columns) -> Iterator[Note]:
         if record.status == "diverged"
     ]
     if runs:
-        yield Note("Diverged", f"{DIVERGED}k marks k diverged seeds, counted as score 0: {'; '.join(runs)}.")
+        counted = "every episode of which counts as a failure" if table.counts else "counted as score 0"
+        yield Note("Diverged", f"{DIVERGED}k marks k diverged seeds, {counted}: {'; '.join(runs)}.")
 
 
-def _demonstration(table: Table) -> Iterator[Note]:
-    if any(column.kind == "expert" for column in table.columns):
-        yield Note("Demonstration", "the score of the expert trajectory that the methods observe.")
+def _demonstration(table: Table, records: Sequence[Record]) -> Iterator[Note]:
+    if not any(column.kind == "expert" for column in table.columns):
+        return
+    score = "success rate in %" if table.success_rates else "score"
+    recorded = any(map(counts_trajectories, records))
+    shown = f"mean {score} of the expert trajectories" if recorded else f"{score} of the expert trajectory"
+    yield Note("Demonstration", f"the {shown} that the methods observe.")
 
 
 def _failed(table: Table) -> Iterator[Note]:
@@ -204,23 +156,3 @@ def _warnings(columns: Columns) -> Iterator[Note]:
                 concerned.setdefault((warning.what, warning.remedy), {})[column.label] = None
     for (what, remedy), labels in concerned.items():
         yield Note("Warning", f"{what} {remedy} ({', '.join(labels)})")
-
-
-def _per_column(columns: Columns, describe: Callable[[Record], list[str]]) -> str:
-    """What `describe` says of each column: once if all agree, else each value with its columns."""
-    said: dict[str, dict[str, None]] = {}
-    for column, records in columns.items():
-        for record in records:
-            for value in describe(record):
-                said.setdefault(value, {})[column.label] = None
-    if len(said) == 1:
-        return next(iter(said))
-    return ", ".join(f"{value} ({', '.join(labels)})" for value, labels in said.items())
-
-
-def _either(values: Iterable[Any]) -> str:
-    """Distinct values in ascending order where they are numbers: ``300,000 or 500,000``."""
-    distinct = list({canonical_json(value): value for value in values}.values())
-    if all(isinstance(value, int) and not isinstance(value, bool) for value in distinct):
-        return " or ".join(f"{value:,}" for value in sorted(distinct))
-    return " or ".join(str(value) for value in distinct)

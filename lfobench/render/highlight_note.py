@@ -8,9 +8,10 @@ from lfobench.render.cell_text import LOST
 from lfobench.render.table import HIGHLIGHT_NOTE, Note, Row, Table, competes
 from lfobench.stats.comparison import PAIRED
 from lfobench.stats.feasibility import can_reach, smallest_p
-from lfobench.stats.names import Correction, Scope, Test
+from lfobench.stats.names import Correction, HighlightTest, Scope
+from lfobench.stats.sample import Sample, counted
 
-TESTS: dict[Test, str] = {
+TESTS: dict[HighlightTest, str] = {
     "welch": "Welch's two-sided t-test",
     "student": "Student's two-sided t-test",
     "mann-whitney": "the two-sided Mann-Whitney test",
@@ -18,6 +19,7 @@ TESTS: dict[Test, str] = {
     "paired-t": "the two-sided paired t-test",
     "wilcoxon": "Wilcoxon's two-sided signed-rank test",
     "paired-permutation": "the two-sided sign-flip test of the mean difference",
+    "fisher": "Fisher's exact two-sided test of the pooled counts",
 }
 
 CORRECTIONS: dict[Correction, str] = {"none": "none", "holm": "Holm", "bh": "Benjamini-Hochberg"}
@@ -31,7 +33,8 @@ def highlight_notes(table: Table) -> Iterator[Note]:
     tested = sum(row.p is not None for row in rows)
     corrected = f" corrected by {CORRECTIONS[rule.correction]} over the {tested} rows tested"
     text = (
-        f"the best mean in its row among {SCOPES[rule.scope]}, and the second best too unless "
+        f"the best {'success rate' if table.counts else 'mean'} in its row among {SCOPES[rule.scope]}, "
+        "and the second best too unless "
         f"{TESTS[rule.test]} between them gives p < {rule.alpha:g}"
         f"{'' if rule.correction == 'none' else corrected}. "
         f"Correction for multiple comparisons: {CORRECTIONS[rule.correction]}"
@@ -42,6 +45,8 @@ def highlight_notes(table: Table) -> Iterator[Note]:
     ):
         if concerned := [row for row in rows if row.outcome == outcome]:
             text += f". {said}: {_where(concerned, rows)}"
+    if table.counts:
+        text += ". Counts are tested because every record says how its episodes ended"
     yield Note(HIGHLIGHT_NOTE, f"{text}.")
     if rule.test in PAIRED:
         yield Note(
@@ -57,8 +62,8 @@ def highlight_notes(table: Table) -> Iterator[Note]:
     yield from _infeasible(table)
 
 
-def _unit(test: Test) -> str:
-    return "start state" if test in PAIRED else "seed"
+def _unit(test: HighlightTest) -> str:
+    return "start state" if test in PAIRED else "episode" if test == "fisher" else "seed"
 
 
 def _where(concerned: Sequence[Row], rows: Sequence[Row]) -> str:
@@ -89,5 +94,12 @@ def _sizes(table: Table, row: Row) -> tuple[int, int]:
         for column, cell in zip(table.columns, row.cells, strict=True)
         if cell is not None and cell.sample is not None and competes(column, table.rule.scope)
     ]
-    sizes = sorted(len(sample.starts if table.rule.test in PAIRED else sample.seeds) for sample in samples)
+    sizes = sorted(_size(sample, table.rule.test) for sample in samples)
     return sizes[-1], sizes[-2]
+
+
+def _size(sample: Sample, test: HighlightTest) -> int:
+    """How many scores or episodes the test looks at."""
+    if test == "fisher":
+        return counted(sample).pooled.trials
+    return len(sample.starts if test in PAIRED else sample.seeds)

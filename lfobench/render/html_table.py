@@ -13,7 +13,7 @@ from lfobench.render.table import Cell, Note, Table, column_groups
 STUBS = ("Dataset", "Task")
 """Headings of the two columns that say what a row is about."""
 
-_WIDEST_PAD, _WIDEST_SLOT, _WIDEST_TRAIL = 4, 7, 7
+_WIDEST_PAD, _WIDEST_SLOT, _WIDEST_TRAIL = 4, 7, 11
 
 
 def html(table: Table) -> str:
@@ -97,13 +97,17 @@ def _body(table: Table) -> Markup:
 
 
 class _Column:
-    """One column's cells, aligned at the decimal points by padding what has fewer digits than the widest."""
+    """One column's cells, aligned at the decimal points by padding what has fewer digits than the widest.
+
+    Intervals behind counts all take the room of the widest that there can be.
+    """
 
     def __init__(self, table: Table, index: int) -> None:
         self.index = index
         self.run_here = table.columns[index].run_here
         texts = [cell_text(cell) for _, row in table.rows() if (cell := row.cells[index]) is not None]
         self.spread = max((len(text.std) for text in texts), default=0)
+        self.interval = any(text.interval for text in texts)
         # Bold digits are wider: a slot of fixed width behind the mean keeps the means in line.
         self.slot = f"spread slot-{min(self.spread, _WIDEST_SLOT)}"
         self.trail = min(1 + max((len(text.marks) for text in texts), default=0), _WIDEST_TRAIL)
@@ -121,10 +125,12 @@ class _Column:
             element("span", " (highlighted)", class_="spoken") if self.run_here else "",
             class_=" ".join(filter(None, [kind, "highlighted" if cell.highlighted else ""])) or None,
             data_column=str(self.index),
-            data_value=repr(cell.summary.mean) if cell.summary else None,
+            data_value=_value(cell),
         )
 
     def _spread(self, text: CellText) -> Markup:
+        if self.interval:
+            return element("span", f" {text.interval}", class_="spread interval")
         if not self.spread:
             return Markup("")
         if not text.std:
@@ -146,6 +152,13 @@ class _Column:
         return element("span", dagger, *signs, class_=f"trail trail-{self.trail}")
 
 
+def _value(cell: Cell) -> str | None:
+    """What a column is sorted by: the mean score, or the success rate in per cent."""
+    if cell.successes is not None:
+        return repr(100.0 * cell.successes.pooled.rate)
+    return repr(cell.summary.mean) if cell.summary else None
+
+
 def _signs(text: CellText | None) -> Iterator[tuple[str, str, str]]:
     """(mark, class, meaning) of what stands behind a number."""
     if text is None:
@@ -155,4 +168,4 @@ def _signs(text: CellText | None) -> Iterator[tuple[str, str, str]]:
             yield f"{mark}{count}", "marks", f"{count} {'seed' if count == '1' else 'seeds'} {what}"
     for agreement, sign in AGREEMENTS.items():
         if sign == text.agreement:
-            yield sign, "agreement", agreement
+            yield text.verdict, "agreement", agreement

@@ -1,7 +1,7 @@
 r"""The table in LaTeX, after the seed paper's Table 1: booktabs rules, column groups, a macro.
 
 The output compiles as it is in a document that loads ``booktabs`` and ``xcolor``. Define ``\lfobenchbest``
-before the table to highlight differently.
+before the table to highlight differently, ``\lfobenchinterval`` for other intervals behind success counts.
 """
 
 from __future__ import annotations
@@ -17,13 +17,21 @@ _PREAMBLE = r"""% Needs \usepackage{booktabs} and \usepackage{xcolor}.
 \providecommand{\lfobenchbest}[1]{\textcolor{blue}{\boldmath#1}}
 """
 
+_INTERVAL = r"""\providecommand{\lfobenchinterval}[2]{\,\mbox{\tiny[#1,\,#2]}}
+"""
+
 # The text of a page is 345 pt wide in the standard classes: six methods and the demonstration need the small one.
 _FEW_COLUMNS = 5
 _FEW = r"\footnotesize\setlength{\tabcolsep}{3pt}"
 _MANY = r"\scriptsize\setlength{\tabcolsep}{2pt}"
 
 _THIN_SPACE = r"\,"
-_AGREEMENTS: dict[Agreement, str] = {"matches": r"\approx", "differs": r"\neq", "undecided": "?"}
+_AGREEMENTS: dict[Agreement, str] = {
+    "matches": r"\approx",
+    "differs": r"\neq",
+    "undecided": "?",
+    "not told apart": r"\sim",
+}
 
 _ESCAPES = {
     "\\": r"\textbackslash{}",
@@ -49,6 +57,7 @@ _ESCAPES = {
     "†": r"$\dagger$",
     "≈": r"$\approx$",
     "≠": r"$\neq$",
+    "∼": r"$\sim$",
 }
 
 
@@ -79,7 +88,7 @@ def latex(table: Table) -> str:
     lines += [r"\bottomrule", r"\end{tabular}", "", r"\medskip", r"\begin{minipage}{\linewidth}\footnotesize"]
     lines += [rf"\textbf{{{escape(note.label)}:}} {escape(note.text)}\par" for note in table.notes]
     lines += [r"\end{minipage}", r"\end{table}"]
-    return _PREAMBLE + "\n".join(lines) + "\n"
+    return _PREAMBLE + (_INTERVAL if table.counts else "") + "\n".join(lines) + "\n"
 
 
 def escape(text: str) -> str:
@@ -104,19 +113,23 @@ class _Slots:
     """What the cells of one column leave room for, so that right-aligned numbers align at the decimal point."""
 
     std_digits: int
+    interval_digits: int
     marks: str
 
 
 def _slots(table: Table, column: int) -> _Slots:
     cells = [cell for _, row in table.rows() if (cell := row.cells[column])]
-    std_digits = max((len(cell_text(cell).std) for cell in cells), default=0)
-    return _Slots(std_digits, max((_marks(cell) for cell in cells), key=_printed, default=""))
+    texts = [cell_text(cell) for cell in cells]
+    std_digits = max((len(text.std) for text in texts), default=0)
+    interval_digits = max((len(end) for text in texts for end in (text.low, text.high)), default=0)
+    return _Slots(std_digits, interval_digits, max((_marks(cell) for cell in cells), key=_printed, default=""))
 
 
 def _cell(cell: Cell | None, slots: _Slots) -> str:
     """One cell; phantoms stand for what other cells of its column have and this one lacks."""
     text = cell_text(cell) if cell else CellText(MISSING)
-    spread, marks = _spread(text.std, slots.std_digits), _marks(cell) if cell else ""
+    spread = _spread(text.std, slots.std_digits) + _interval(text, slots.interval_digits)
+    marks = _marks(cell) if cell else ""
     # Marks of no width are followed by the room for the widest ones.
     beside = marks if marks == slots.marks else rf"\rlap{{{marks}}}" * bool(marks) + _phantom(slots.marks)
     if text.mean == MISSING:
@@ -132,6 +145,14 @@ def _spread(std: str, digits: int) -> str:
     return _phantom(rf"{{}} \pm {'0' * (digits - 2)}.0") if digits else ""
 
 
+def _interval(text: CellText, digits: int) -> str:
+    """Both ends of one width, so that the counts before them align."""
+    if not text.low:
+        return _phantom(rf"\lfobenchinterval{{{'0' * digits}}}{{}}") if digits else ""
+    low, high = (f"{_phantom('0' * (digits - len(end)))}{end}" for end in (text.low, text.high))
+    return rf"\lfobenchinterval{{{low}}}{{{high}}}"
+
+
 def _phantom(text: str) -> str:
     """The room that `text` takes, left empty."""
     return rf"\phantom{{{text}}}" if text else ""
@@ -144,6 +165,7 @@ def _marks(cell: Cell) -> str:
     marks += [rf"\times{text.diverged}"] if text.diverged else []
     marks += [f"!{text.failed}"] if text.failed else []
     marks += [_AGREEMENTS[cell.agreement]] if cell.agreement else []
+    marks += [rf"p\,{text.p}"] if text.p else []
     return f"$^{{{_THIN_SPACE.join(marks)}}}$" if marks else ""
 
 

@@ -210,4 +210,4 @@ def _pair(ours: Found, theirs: Found) -> Pair:
 
 
 def _outcome(record: Record) -> tuple[object, ...]:
-    return record.status, record.diverged_at, record.evaluations
+    return record.status, record.diverged_at, record.evaluations, record.further

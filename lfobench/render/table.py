@@ -10,6 +10,7 @@ from lfobench.contract.statistic import Statistic
 from lfobench.stats.highlight import Outcome, Rule
 from lfobench.stats.names import Agreement, Scope
 from lfobench.stats.sample import Sample
+from lfobench.stats.successes import Successes
 from lfobench.stats.summary import Summary
 
 HIGHLIGHT_NOTE = "Highlighted"
@@ -50,7 +51,7 @@ def competes(column: Column, scope: Scope) -> bool:
 
 @dataclass(frozen=True)
 class Cell:
-    """Normalised scores of one column on one task, over seeds.
+    """Normalised scores of one column on one task, over seeds; or how many of its episodes succeeded.
 
     Attributes:
         sample: the scores, with n, mean and std over seeds; a diverged seed is one of them, with score 0. None where
@@ -60,7 +61,8 @@ class Cell:
         failed_seeds: seeds that crashed and have no score; not among `seeds`.
         highlighted: whether the highlight rule picks this cell.
         lost: whether it stands out only as long as nobody corrects for the number of rows tested.
-        agreement: of a published number: what the equivalence test says of ours against it.
+        agreement: of a published number: what a test says of ours against it.
+        agreement_p: p-value behind `agreement`, where it is one of counts.
     """
 
     sample: Sample | None
@@ -70,6 +72,12 @@ class Cell:
     highlighted: bool = False
     lost: bool = False
     agreement: Agreement | None = None
+    agreement_p: float | None = None
+
+    @property
+    def successes(self) -> Successes | None:
+        """The counts of a cell that shows counts; None of one that shows scores."""
+        return self.sample.successes if self.sample else None
 
     @property
     def summary(self) -> Summary | None:
@@ -135,6 +143,7 @@ class Table:
         rule: what decided the highlights.
         source: where the data came from.
         protocol: name of the protocol.
+        success_rates: whether every score is a success rate in per cent.
     """
 
     columns: tuple[Column, ...]
@@ -144,6 +153,12 @@ class Table:
     rule: Rule
     source: str
     protocol: str
+    success_rates: bool = False
+
+    @property
+    def counts(self) -> bool:
+        """Whether cells show success counts; else they show scores."""
+        return self.rule.test == "fisher"
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""

@@ -115,6 +115,7 @@ def _aligned_cells(table: Table, column: int, highlight_mark: str) -> list[Text]
     texts = [cell_text(cell) if cell else None for cell in cells]
     mean = max((len(text.mean) for text in texts if text), default=0)
     std = max((len(text.std) for text in texts if text), default=0)
+    interval = max((len(text.interval) for text in texts if text), default=0)
     marks = max((cell_len(text.marks) for text in texts if text), default=0)
     lost = max((len(text.lost) for text in texts if text), default=0)
     star = highlight_mark if any(cell and cell.highlighted for cell in cells) else ""
@@ -122,7 +123,10 @@ def _aligned_cells(table: Table, column: int, highlight_mark: str) -> list[Text]
     for cell, text in zip(cells, texts, strict=True):
         highlighted = cell is not None and cell.highlighted
         spread = f" {PLUS_MINUS} {text.std:>{std}}" if text and text.std else ""
-        line = Text((text.mean if text else MISSING).rjust(mean) + spread.ljust(std + 3 if std else 0))
+        spread = spread.ljust(std + 3 if std else 0)
+        if interval:
+            spread += f" {text.interval if text else '':>{interval}}"
+        line = Text((text.mean if text else MISSING).rjust(mean) + spread)
         line.stylize(_HIGHLIGHT if highlighted else "" if table.columns[column].run_here else "dim")
         line.append((text.lost if text else "").ljust(lost))
         line.append(star if highlighted else " " * len(star))

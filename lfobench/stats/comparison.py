@@ -2,7 +2,8 @@
 
 Unpaired tests compare training seeds, and say something about other seeds. Paired tests compare common start states,
 each with its mean over seeds; they say something about other starts of *these* trained policies, and nothing about
-other training seeds.
+other training seeds. Fisher's test compares pooled counts of successful episodes and takes episodes to be independent,
+which those of one seed are not (`successes`).
 
 References:
     B. L. Welch, "The generalization of 'Student's' problem when several different population variances are
@@ -20,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.stats import permutation
-from lfobench.stats.names import Test
-from lfobench.stats.sample import Sample
+from lfobench.stats.names import HighlightTest, Test
+from lfobench.stats.proportions import fisher_test
+from lfobench.stats.sample import Sample, counted
 from lfobench.stats.summary import Summary, summarize
 
 PAIRED: frozenset[Test] = frozenset({"paired-t", "wilcoxon", "paired-permutation"})
@@ -31,12 +33,15 @@ FROM_SUMMARIES: frozenset[Test] = frozenset({"welch", "student"})
 """Tests that need no more than n, mean and standard deviation, as published tables give them."""
 
 
-def p_value(test: Test, first: Sample, second: Sample) -> float | None:
+def p_value(test: HighlightTest, first: Sample, second: Sample) -> float | None:
     """Two-sided p-value of `test`; None where a side has fewer than two scores, so nothing can be tested.
 
     Raises:
-        ValueError: the test needs scores that a sample lacks, or start states that the two do not share.
+        ValueError: the test needs scores or counts that a sample lacks, or start states that the two do not share.
     """
+    if test == "fisher":
+        one_count, two_count = counted(first).pooled, counted(second).pooled
+        return fisher_test(one_count.successes, one_count.trials, two_count.successes, two_count.trials)
     if test == "welch":
         return welch_test(first.summary, second.summary)
     if test == "student":

@@ -24,7 +24,7 @@ from lfobench.stats.correction import adjusted
 from lfobench.stats.feasibility import can_reach, smallest_p
 from lfobench.stats.highlight import Rule
 from lfobench.stats.intervals import Estimate, Interval, check_probability, welch_interval
-from lfobench.stats.names import Test, Verdict
+from lfobench.stats.names import HighlightTest, Verdict
 from lfobench.stats.sample import Sample
 
 Key = TypeVar("Key", bound=Hashable)
@@ -98,9 +98,12 @@ def contrast(pairs: Mapping[Key, tuple[Sample, Sample]], rule: Rule, replicates:
     """The subject's sample of every cell against the reference's; a higher score is better.
 
     Raises:
-        ValueError: the rule's test needs scores that a sample lacks, or α is not strictly between 0 and 1.
+        ValueError: the rule's test needs scores that a sample lacks or compares no scores at all, or α is not strictly
+            between 0 and 1.
     """
     check_probability("alpha", rule.alpha)
+    if rule.test == "fisher":
+        raise ValueError("'fisher' compares success counts, and a contrast is one of scores.")
     p_values = {key: p_value(rule.test, *pair) for key, pair in pairs.items()}
     tested = {key: p for key, p in p_values.items() if p is not None}
     corrected = dict(zip(tested, adjusted(list(tested.values()), rule.correction), strict=True))
@@ -111,12 +114,12 @@ def contrast(pairs: Mapping[Key, tuple[Sample, Sample]], rule: Rule, replicates:
     return Contrast(cells, _aggregate(pairs, 1.0 - rule.alpha, replicates))
 
 
-def scores_compared(test: Test, sample: Sample) -> int:
+def scores_compared(test: HighlightTest, sample: Sample) -> int:
     """How many scores of a sample a test looks at: start states for a paired test, else seeds."""
     return len(sample.starts) if test in PAIRED else sample.summary.n
 
 
-def best_p(comparison: Comparison, test: Test) -> float | None:
+def best_p(comparison: Comparison, test: HighlightTest) -> float | None:
     """The smallest p-value that the test could have given with so many scores, before any correction."""
     return smallest_p(test, scores_compared(test, comparison.subject), scores_compared(test, comparison.reference))
 

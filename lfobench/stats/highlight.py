@@ -3,7 +3,8 @@
 Sikchi, Chuck, Zhang, Niekum, "A Dual Approach to Imitation Learning from Observations with Offline
 Datasets", arXiv:2406.08805v2: among the methods that see no expert actions, the best and the second best mean
 are compared with a t-test. The best alone is highlighted if p < 0.05, both otherwise. With Welch's test the
-rule reproduces all 24 rows of that table for 5 and for 7 seeds.
+rule reproduces all 24 rows of that table for 5 and for 7 seeds. Where successes are counted, Fisher's exact test of the
+pooled counts takes the t-test's place, and the largest success rate that of the best mean.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from typing import Generic, Literal, TypeVar
 
 from lfobench.stats.comparison import p_value
 from lfobench.stats.correction import adjusted
-from lfobench.stats.names import Correction, Scope, Test
-from lfobench.stats.sample import Sample
+from lfobench.stats.names import Correction, HighlightTest, Scope
+from lfobench.stats.sample import Sample, counted
 
 Method = TypeVar("Method", bound=Hashable)
 
@@ -28,13 +29,13 @@ class Rule:
     """The four independent choices that decide the bold face of a table.
 
     Attributes:
-        test: between best and second best of a row.
+        test: between best and second best of a row; `fisher` compares success counts, every other test scores.
         scope: who competes: the methods without expert actions, or all.
         correction: for the number of rows tested.
         alpha: level below which a p-value tells two methods apart.
     """
 
-    test: Test = "welch"
+    test: HighlightTest = "welch"
     scope: Scope = "group"
     correction: Correction = "none"
     alpha: float = 0.05
@@ -49,10 +50,10 @@ class Highlight(Generic[Method]):
 
     Attributes:
         methods: whose numbers are highlighted.
-        outcome: `better`: the best mean stands out; `undecided`: the test cannot tell the best from the second
+        outcome: `better`: the best stands out; `undecided`: the test cannot tell the best from the second
             best; `untested`: there was no test, because one of them has fewer than two samples; `unopposed`: fewer
             than two methods, so nobody won anything and nothing is highlighted.
-        best: the methods with the best mean; two or more where they tie.
+        best: the methods with the best mean, or success rate; two or more where they tie.
         p: two-sided p-value of best against second best; None where there was no test.
         adjusted_p: `p` corrected for the rows tested: as the rule says, by Holm where it says none.
         lost: whether one method is best, `p` alone is below alpha and `adjusted_p` is not.
@@ -84,7 +85,7 @@ def highlights(rows: Sequence[Mapping[Method, Sample]], rule: Rule) -> list[High
     depend on the order of the columns.
 
     Raises:
-        ValueError: the rule's test needs scores that a sample lacks.
+        ValueError: the rule's test needs scores or counts that a sample lacks.
     """
     compared = [_compare(row, rule) for row in rows]
     tested = [row.p for row in compared if row is not None and row.p is not None]
@@ -103,7 +104,7 @@ def highlights(rows: Sequence[Mapping[Method, Sample]], rule: Rule) -> list[High
 def _compare(row: Mapping[Method, Sample], rule: Rule) -> _Row[Method] | None:
     if len(row) < 2:
         return None
-    means = {method: sample.summary.mean for method, sample in row.items()}
+    means = {method: _merit(sample, rule.test) for method, sample in row.items()}
     first, *others = sorted(row, key=lambda method: -means[method])
     best = [method for method in row if means[method] == means[first]]
     if len(best) > 1:
@@ -115,6 +116,11 @@ def _compare(row: Mapping[Method, Sample], rule: Rule) -> _Row[Method] | None:
     # Several may share second place and only some of them be level with the best.
     level = {method for method, p in zip(seconds, against, strict=True) if p is not None and p >= rule.alpha}
     return _Row(frozenset(best), frozenset({first, *(level if level and largest is not None else seconds)}), largest)
+
+
+def _merit(sample: Sample, test: HighlightTest) -> float:
+    """What makes a method the best of its row."""
+    return counted(sample).pooled.rate if test == "fisher" else sample.summary.mean
 
 
 def _largest(p_values: Sequence[float | None]) -> float | None:

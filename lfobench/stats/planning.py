@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 from lfobench.stats.feasibility import can_reach
 from lfobench.stats.intervals import Interval, check_probability
-from lfobench.stats.names import Correction, Test
+from lfobench.stats.names import Correction, HighlightTest
 from lfobench.stats.power import power_for, seeds_needed_for
 from lfobench.stats.summary import Summary
 
@@ -49,7 +49,7 @@ class Design:
     effect: float
     power: float
     alpha: float
-    test: Test
+    test: HighlightTest
     correction: Correction
     seeds: int
 

@@ -12,7 +12,7 @@ from lfobench.render.building import build_table
 from lfobench.render.highlight_note import CORRECTIONS, SCOPES, TESTS
 from lfobench.stats.comparison import PAIRED
 from lfobench.stats.highlight import Rule
-from lfobench.stats.names import Correction, Scope, Test
+from lfobench.stats.names import Correction, HighlightTest, Scope, Test
 
 
 def notes(records: Iterable[Record], rule: Rule) -> dict[str, str]:
@@ -29,7 +29,7 @@ def two_methods(make_cell: Callable[..., list[Record]], seeds: int, rows: int = 
 
 
 def test_every_knob_has_words() -> None:
-    assert set(TESTS) == set(get_args(Test))
+    assert set(TESTS) == set(get_args(HighlightTest))
     assert set(CORRECTIONS) == set(get_args(Correction))
     assert set(SCOPES) == set(get_args(Scope))
 

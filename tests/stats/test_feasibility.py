@@ -15,6 +15,7 @@ from lfobench.stats.correction import adjusted
 from lfobench.stats.feasibility import can_reach, smallest_p
 from lfobench.stats.names import Correction, Test
 from lfobench.stats.permutation import EXACT_RELABELLINGS
+from lfobench.stats.proportions import fisher_test
 from lfobench.stats.sample import sample_of
 
 EVERY_TEST: tuple[Test, ...] = get_args(Test)
@@ -107,3 +108,19 @@ def test_reaching_is_what_the_correction_says_of_the_best_case(
     assert smallest is not None
     best_case = [smallest] + [1.0 if correction == "holm" else smallest] * (rows - 1)
     assert can_reach(test, n, n, alpha, rows, correction) == (min(adjusted(best_case, correction)) < alpha)
+
+
+# --- success counts --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 6), (4, 4), (2, 9), (10, 10), (10, 11)])
+def test_fishers_test_gives_nothing_smaller(n: int, m: int) -> None:
+    every = [fisher_test(a, n, b, m) for a in range(n + 1) for b in range(m + 1)]
+    assert smallest_p("fisher", n, m) == pytest.approx(min(every), rel=1e-9)
+
+
+def test_fishers_test_of_many_episodes_or_of_none() -> None:
+    assert smallest_p("fisher", 770, 770) == 0.0, "smaller than any float"
+    assert smallest_p("fisher", 0, 5) is None
+    assert can_reach("fisher", 4, 4, 0.05, 1, "holm")
+    assert not can_reach("fisher", 4, 4, 0.05, 2, "holm")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from lfobench.contract.record import Record
 from lfobench.render.columns import arrange_columns
 from lfobench.render.markup import Markup, element, joined, name_of
+from lfobench.render.plots.captions import ends
 from lfobench.render.plots.compared import demonstration_score
 from lfobench.render.plots.learning import DIVERGED_SCORE, Curve, evaluated, learning_curve
 from lfobench.render.plots.style import Look, looks
@@ -102,7 +103,7 @@ def curves_section(table: Table, drawn: Sequence[Panel], chosen: Mapping[Column,
         element(
             "p",
             "Score of every evaluation against gradient steps, mean over seeds; pointing at a cell of the table shows "
-            "its seeds. Grey lines at 0 and 100 are random actions and the expert."
+            f"its seeds. Grey lines at 0 and 100 are {ends(table)}."
             + (" Dotted: the demonstration that the methods observe." if known else "")
             + (
                 f" A cross marks a divergence, from which on the seed counts as {DIVERGED_SCORE:.0f}."

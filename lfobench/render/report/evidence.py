@@ -16,7 +16,7 @@ from lfobench.stats.comparison import PAIRED, p_value
 from lfobench.stats.correction import adjusted
 from lfobench.stats.feasibility import smallest_p
 from lfobench.stats.highlight import Rule, highlights
-from lfobench.stats.names import Scope, Test
+from lfobench.stats.names import HighlightTest, Scope, Test
 from lfobench.stats.sample import Sample
 
 TESTS: tuple[Test, ...] = get_args(Test)
@@ -55,7 +55,7 @@ class Evidence:
     """
 
     table: Table
-    p: dict[Test, tuple[tuple[float | None, ...], ...]]
+    p: dict[HighlightTest, tuple[tuple[float | None, ...], ...]]
     unavailable: dict[tuple[Test, Scope], str]
 
     @cached_property

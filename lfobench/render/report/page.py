@@ -12,11 +12,13 @@ from importlib.resources import files
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record, Warning
 from lfobench.contract.statistic import HEADLINE, Statistic
+from lfobench.errors import UserError
 from lfobench.render.building import build_table
 from lfobench.render.highlight_note import CORRECTIONS, SCOPES, TESTS, highlight_notes
 from lfobench.render.html_table import notes_list, score_table, table_style
 from lfobench.render.markup import Markup, element
 from lfobench.render.report.curves import column_looks, curves_section, panels
+from lfobench.render.report.evidence import TESTS as SCORE_TESTS
 from lfobench.render.report.evidence import Evidence, gather
 from lfobench.render.report.payload import as_json, payload
 from lfobench.render.report.problems import problems_section
@@ -58,8 +60,10 @@ def report(
         filters: options of ``lfobench table`` that select these records, for the commands of the page.
 
     Raises:
-        UserError: as `build_table`.
+        UserError: as `build_table`, or the rule's test compares no scores.
     """
+    if rule.test == "fisher":
+        raise UserError("A report compares scores, and --test fisher success counts.", "Use --test welch.")
     table = build_table(records, statistic, rule, tasks, methods, failures)
     records = [record for _, members in cells(table, records) for record in members]
     evidence = gather(table)
@@ -184,7 +188,7 @@ def _knobs(evidence: Evidence) -> Markup:
                     value=test,
                     selected=test == rule.test,
                 )
-                for test in TESTS
+                for test in SCORE_TESTS
                 if (test in PAIRED) == paired
             ),
             label=label,

@@ -34,7 +34,12 @@ def payload(evidence: Evidence, panels: Sequence[Panel], looks: Mapping[Column, 
     rule = table.rule
     return {
         "rule": {"test": rule.test, "scope": rule.scope, "correction": rule.correction, "alpha": rule.alpha},
-        "words": {"tests": WORDS, "corrections": CORRECTIONS, "scopes": SCOPES, "reachable": REACHABLE},
+        "words": {
+            "tests": {test: WORDS[test] for test in TESTS},
+            "corrections": CORRECTIONS,
+            "scopes": SCOPES,
+            "reachable": REACHABLE,
+        },
         "labels": {"highlight": HIGHLIGHT_NOTE, "lost": LOST},
         "paired": sorted(PAIRED),
         "seeds": {"unpaired": _seeds_note(table, "welch"), "paired": _seeds_note(table, "paired-t")},

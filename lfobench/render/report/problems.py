@@ -62,7 +62,7 @@ def _diverged(records: Sequence[Record]) -> Markup:
     return joined(
         [
             element("h3", f"Diverged runs ({len(records)})"),
-            element("p", "They count with score 0, the level of random actions."),
+            element("p", "They count with score 0."),
             element("ul", *entries),
         ]
     )

@@ -1,0 +1,118 @@
+"""The part of the footnote that says what the methods were trained on, for how long, and how they were tuned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from lfobench.contract.record import Record, Tuning, canonical_json
+from lfobench.render.counting import further_episodes
+from lfobench.render.table import Note
+from lfobench.render.wording import Columns, assignments, either, mostly, per_column, with_whom
+
+
+def data_note(source: str, records: Sequence[Record]) -> Note:
+    """The source, and what the offline and the expert data are."""
+    recorded = [record for record in records if counts_trajectories(record)]
+    mixed = [record for record in records if not counts_trajectories(record)]
+    said = [*([_mixed(mixed)] if mixed else []), *([_recorded(recorded)] if recorded else [])]
+    return Note("Source", f"{source}. {' '.join(said)}")
+
+
+def protocol_note(name: str, columns: Columns, records: Sequence[Record]) -> Note:
+    """Steps, batches and evaluations."""
+    protocols = [record.identity["protocol"] for record in records]
+    steps, every, episodes = (
+        either(protocol[field] for protocol in protocols)
+        for field in ("steps", "evaluation_every", "evaluation_episodes")
+    )
+    assigned = any(protocol["steps_assigned"] for protocol in protocols)
+    batches = per_column(
+        columns,
+        lambda record: (
+            [f"batch size {record.identity['config']['batch_size']}"]
+            if "batch_size" in record.identity["config"]
+            else []
+        ),
+    )
+    further = [further_episodes(record) for record in records]
+    once = f"; after training, {either(further)} episodes from further starts, likewise" if any(further) else ""
+    return Note(
+        "Protocol",
+        f"{name}: {steps} gradient steps{' (set with --steps)' if assigned else ''}"
+        f"{f', {batches}' if batches else ''}; every {every} steps an evaluation of {episodes} episodes, from the same "
+        f"starts for every method and seed{once}.",
+    )
+
+
+def tuning_notes(columns: Columns) -> Iterator[Note]:
+    """Of the methods whose hyperparameters were chosen from a grid: which grid, by what, at what cost."""
+    tuned = {column.label: _tuned(records) for column, records in columns.items()}
+    said = [f"{label}: {text}" for label, text in tuned.items() if text]
+    if not said:
+        return
+    untuned = [label for label, text in tuned.items() if not text]
+    rest = f" Not tuned: {', '.join(untuned)}." if untuned else ""
+    yield Note("Tuned", f"{'; '.join(said)}. These runs and steps come on top of the table's.{rest}")
+
+
+def counts_trajectories(record: Record) -> bool:
+    """Whether a record's data is counted in recorded trajectories; else expert trajectories join the offline data."""
+    return "offline_trajectories" in record.identity["recipe"]
+
+
+def _mixed(records: Sequence[Record]) -> str:
+    def values(field: str) -> str:
+        return either(record.identity["recipe"][field] for record in records)
+
+    return (
+        f"Offline data: {values('offline_transitions')} transitions and, with their actions, "
+        f"{values('expert_trajectories')} expert trajectories. "
+        f"Expert data: {values('demonstration_rows')} rows, observations only."
+    )
+
+
+def _recorded(records: Sequence[Record]) -> str:
+    offline = with_whom(((_offline(record.identity["recipe"]), record.labels.group) for record in records), "; ")
+    expert = with_whom(((_expert(record.identity["recipe"]), record.labels.group) for record in records), "; ")
+    return f"Offline data: {offline}. Expert data, observations only: {expert}."
+
+
+def _offline(recipe: dict[str, Any]) -> str:
+    cut = ", cut to as many transitions as the expert part" if recipe.get("equal_transitions") else ""
+    return f"{recipe['offline_trajectories']:,} {_trajectories(recipe.get('offline'))}{cut}"
+
+
+def _expert(recipe: dict[str, Any]) -> str:
+    trajectories = f"{recipe['expert_trajectories']:,} {_trajectories(recipe['expert'])}"
+    actions = "" if recipe.get("expert_actions", True) else ", recorded without actions"
+    if recipe["expert_transitions"] is None:
+        return f"{trajectories}{actions}"
+    return f"{recipe['expert_transitions']:,} transitions of {trajectories}, in random order{actions}"
+
+
+def _trajectories(level: Any) -> str:
+    return f"{level} trajectories" if level else "trajectories"
+
+
+def _tuned(records: Sequence[Record]) -> str:
+    """Empty where no record of a column carries a choice."""
+    tunings = [(record.task, record.tuning) for record in records if record.tuning is not None]
+    if not tunings:
+        return ""
+    # The seeds of one task share its choice, which was paid for once.
+    paid = {(task, canonical_json(tuning.model_dump(mode="json"))): tuning for task, tuning in tunings}
+    runs, steps = sum(tuning.runs for tuning in paid.values()), sum(tuning.steps for tuning in paid.values())
+    tasks = dict.fromkeys(task for task, _ in tunings)
+    plain = [task for task in dict.fromkeys(record.task for record in records) if task not in tasks]
+    rest = f"; not on {', '.join(plain)}" if plain else ""
+    return (
+        f"{with_whom((_search(tuning), task) for task, tuning in tunings)}; chosen: "
+        f"{mostly((', '.join(assignments([tuning.chosen])), task) for task, tuning in tunings)}; "
+        f"{runs:,} runs, {steps:,} gradient steps{rest}"
+    )
+
+
+def _search(tuning: Tuning) -> str:
+    grid = ", ".join(f"{field} from {', '.join(map(str, values))}" for field, values in tuning.grid.items())
+    return f"{grid} by {tuning.criterion}"

@@ -1,0 +1,101 @@
+"""Episodes that succeeded: one method's on one task, pooled over training seeds, and whether pooling is fair.
+
+Episodes of one seed share its policy. Where policies differ from seed to seed, pooled episodes are not independent, and
+what takes them to be (Wilson's interval, Fisher's test) promises too much.
+
+References:
+    J. N. K. Rao, A. J. Scott, "A simple method for the analysis of clustered binary data", Biometrics 48, 1992: the
+    design effect, by which the variance of a proportion of clustered trials exceeds the binomial one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from lfobench.stats.intervals import Interval
+from lfobench.stats.proportions import check_count, wilson_interval
+
+
+@dataclass(frozen=True)
+class Count:
+    """Successes out of at least one trial.
+
+    Raises:
+        ValueError: there is no trial, or there are not between 0 and `trials` successes.
+    """
+
+    successes: int
+    trials: int
+
+    def __post_init__(self) -> None:
+        check_count(self.successes, self.trials)
+
+    def __add__(self, other: Count) -> Count:
+        return Count(self.successes + other.successes, self.trials + other.trials)
+
+    @property
+    def rate(self) -> float:
+        """Fraction of trials that succeeded."""
+        return self.successes / self.trials
+
+
+@dataclass(frozen=True)
+class Successes:
+    """The episodes of one cell.
+
+    Attributes:
+        fixed: those from the fixed test starts, which every evaluation shares.
+        pooled: those and the episodes from further starts.
+        seeds: `pooled` by training seed ``[n]``; empty where only the total was published.
+    """
+
+    fixed: Count
+    pooled: Count
+    seeds: tuple[Count, ...] = ()
+
+    @cached_property
+    def interval(self) -> Interval:
+        """Wilson's 95 % interval of the pooled success rate, between 0 and 1."""
+        return wilson_interval(self.pooled.successes, self.pooled.trials)
+
+    @cached_property
+    def inflation(self) -> float | None:
+        """The variance inflation of the pooled success rate by seeds; None where it cannot be known."""
+        return variance_inflation(self.seeds)
+
+
+def pool(fixed: Sequence[Count], seeds: Sequence[Count]) -> Successes:
+    """The successes of a cell from its seeds ``[n]``: from the fixed starts alone, and from all starts.
+
+    Raises:
+        ValueError: there is no seed, or the two differ in their numbers of seeds.
+    """
+    if not seeds or len(fixed) != len(seeds):
+        raise ValueError(f"Pooling needs the same seeds twice, at least one; got {len(fixed)} and {len(seeds)}.")
+    return Successes(_sum(fixed), _sum(seeds), tuple(seeds))
+
+
+def variance_inflation(seeds: Sequence[Count]) -> float | None:
+    """Rao and Scott's design effect of m clusters ``[m]``, here training seeds with their episodes.
+
+    With x successes in n trials of a seed, N = Σ n and p = Σ x / N, the variance of p between seeds is
+    ``v = m / (m - 1) · Σ (x - n p)² / N²``, and the design effect is ``v`` over the binomial ``p (1 - p) / N`` (Rao and
+    Scott 1992, section 2). It is about 1 where seeds differ as chance alone makes them differ.
+
+    None for fewer than two seeds, and where no episode or every one succeeded, so that there is no variance at all.
+    """
+    if len(seeds) < 2:
+        return None
+    total = _sum(seeds)
+    p = total.rate
+    if p in (0.0, 1.0):
+        return None
+    squares = sum((seed.successes - seed.trials * p) ** 2 for seed in seeds)
+    between = len(seeds) / (len(seeds) - 1) * squares / total.trials**2
+    return between * total.trials / (p * (1.0 - p))
+
+
+def _sum(counts: Sequence[Count]) -> Count:
+    return Count(sum(count.successes for count in counts), sum(count.trials for count in counts))

@@ -1,0 +1,88 @@
+"""Highlights by success counts: the rule of the means, with rates for means and Fisher's test for the t-test."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import fisher_exact
+
+from lfobench.stats.comparison import p_value
+from lfobench.stats.contrast import contrast
+from lfobench.stats.highlight import Highlight, Rule, highlights
+from lfobench.stats.sample import Sample, sample_of
+from lfobench.stats.successes import Count, Successes
+
+# Few distinct rates: ties for best and for second best are common.
+counts = st.sampled_from([5, 10, 20]).flatmap(lambda trials: st.builds(Count, st.integers(0, trials), st.just(trials)))
+rows = st.dictionaries(st.sampled_from("abcd"), counts, min_size=2)
+
+
+def sampled(count: Count) -> Sample:
+    """A score that says the opposite, so that only the count can decide."""
+    return sample_of([100.0 * (1.0 - count.rate)], successes=Successes(count, count, (count,)))
+
+
+def decide(row: dict[str, Count], rule: Rule) -> Highlight[str]:
+    (outcome,) = highlights([{method: sampled(count) for method, count in row.items()}], rule)
+    return outcome
+
+
+def by_scipy(one: Count, two: Count) -> float:
+    table = [[one.successes, two.successes], [one.trials - one.successes, two.trials - two.successes]]
+    return float(fisher_exact(table).pvalue)
+
+
+@settings(max_examples=80)
+@given(rows, st.sampled_from([0.01, 0.05, 0.3]))
+def test_the_highlight_agrees_with_a_direct_call(row: dict[str, Count], alpha: float) -> None:
+    outcome = decide(row, Rule("fisher", alpha=alpha))
+    rates = sorted({count.rate for count in row.values()}, reverse=True)
+    best = {method for method, count in row.items() if count.rate == rates[0]}
+    assert outcome.best == best
+    if len(best) > 1:
+        assert (outcome.outcome, outcome.methods) == ("undecided", best)
+        return
+    (winner,) = best
+    against = {method: by_scipy(row[winner], count) for method, count in row.items() if count.rate == rates[1]}
+    assert outcome.p == pytest.approx(max(against.values()))
+    if max(against.values()) < alpha:
+        assert (outcome.outcome, outcome.methods) == ("better", best)
+    else:
+        assert outcome.outcome == "undecided"
+        assert outcome.methods == best | {method for method, p in against.items() if p >= alpha}
+
+
+@settings(max_examples=40)
+@given(rows, st.integers(0, 99))
+def test_the_order_of_columns_does_not_matter(row: dict[str, Count], seed: int) -> None:
+    names = random.Random(seed).sample(list(row), len(row))
+    one, other = decide(row, Rule("fisher")), decide({name: row[name] for name in names}, Rule("fisher"))
+    assert (one.methods, one.outcome, one.best) == (other.methods, other.outcome, other.best)
+
+
+def test_one_seed_is_enough_and_scores_are_not() -> None:
+    row = {"dilo": Count(9, 10), "bco": Count(1, 10)}
+    assert decide(row, Rule("fisher")).methods == {"dilo"}
+    with pytest.raises(ValueError, match="how every episode ended"):
+        highlights([{name: sample_of([1.0, 2.0]) for name in row}], Rule("fisher"))
+
+
+def test_corrections_and_levels_apply() -> None:
+    close = {"dilo": Count(9, 10), "bco": Count(3, 10)}
+    p = by_scipy(close["dilo"], close["bco"])
+    assert 0.01 < p < 0.05 < 3 * p
+    table = [{method: sampled(count) for method, count in close.items()}] * 3
+    raw, holm = (highlights(table, Rule("fisher", correction=name))[0] for name in ("none", "holm"))  # type: ignore[arg-type]
+    assert (raw.outcome, raw.lost, holm.outcome, holm.lost) == ("better", True, "undecided", True)
+    assert holm.adjusted_p == pytest.approx(3 * p)
+    assert decide(close, Rule("fisher", alpha=0.01)).outcome == "undecided"
+
+
+def test_a_contrast_of_scores_refuses_it() -> None:
+    sample = sampled(Count(1, 2))
+    with pytest.raises(ValueError, match="contrast is one of scores"):
+        contrast({"task": (sample, sample)}, Rule("fisher"))
+    assert p_value("fisher", sample, sample) == pytest.approx(1.0)
