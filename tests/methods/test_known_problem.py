@@ -17,8 +17,8 @@ from method_helpers import CPU, train
 from numpy.typing import NDArray
 
 from lfobench import registry
+from lfobench.contract.episodes import Episodes
 from lfobench.contract.suite import Recipe
-from lfobench.data.episodes import Episodes
 from lfobench.data.firewall import view
 from lfobench.data.mixing import mix
 

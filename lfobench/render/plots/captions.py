@@ -4,22 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from lfobench.render.footnote import STATISTICS
 from lfobench.render.plots.compared import Compared, run_cells
 from lfobench.render.plots.text import plain
+from lfobench.render.score_notes import STATISTICS
 from lfobench.render.table import Cell, Row, Table
 
-SCORE = "The score is the normalised return, 100 · (return − random) / (expert − random)"
-
-
-REFERENCES = "Lines at 0 and 100 are random actions and the expert."
 DEMONSTRATION = "Dotted: the demonstration that the methods observe."
+
+
+def score_label(table: Table) -> str:
+    """What an axis of scores is called."""
+    return "success rate in %" if table.success_rates else "normalised score"
+
+
+def score_words(table: Table) -> str:
+    """What a score is: a sentence without its full stop."""
+    if table.success_rates:
+        return "The score is the success rate in per cent"
+    return "The score is the normalised return, 100 · (return − random) / (expert − random)"
+
+
+def ends(table: Table) -> str:
+    """What the scores 0 and 100 stand for."""
+    return "no success and nothing but successes" if table.success_rates else "random actions and the expert"
+
+
+def references(table: Table) -> str:
+    """What the thin lines of a panel are."""
+    return f"Lines at 0 and 100 are {ends(table)}."
 
 
 def run_score(table: Table) -> str:
     """What the score of one run is."""
     counted = STATISTICS[table.statistic.name].format(step=table.statistic.step)
-    return f"{SCORE}; each run counts as the {counted}."
+    return f"{score_words(table)}; each run counts as the {counted}."
 
 
 def caption(*sentences: str, table: Table) -> str:

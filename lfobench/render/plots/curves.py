@@ -11,11 +11,10 @@ from matplotlib.ticker import EngFormatter, MaxNLocator
 
 from lfobench.contract.record import Record
 from lfobench.render.columns import arrange_columns
-from lfobench.render.plots.captions import DEMONSTRATION, REFERENCES, SCORE, caption
+from lfobench.render.plots.captions import DEMONSTRATION, caption, references, score_label, score_words
 from lfobench.render.plots.compared import LEVEL, demonstration_score, run_columns
 from lfobench.render.plots.figure import PaperFigure
 from lfobench.render.plots.grid import (
-    SCORE_LABEL,
     demonstration_handle,
     legend,
     panels,
@@ -74,7 +73,7 @@ def curves(
             panel.xaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
             panel.xaxis.set_major_formatter(EngFormatter(sep=""))
         figure.supxlabel("gradient steps")
-        figure.supylabel(SCORE_LABEL)
+        figure.supylabel(score_label(table))
         others = [demonstration_handle()] if known else []
         if diverged:
             others.append((Line2D([], [], color=REFERENCE_GREY, **_CROSS), "a seed diverged"))
@@ -88,7 +87,7 @@ def curves(
             f"A cross marks the step of a divergence, from which on the seed counts as {DIVERGED_SCORE:.0f}."
             if diverged
             else "",
-            f"{SCORE}. {REFERENCES}",
+            f"{score_words(table)}. {references(table)}",
             DEMONSTRATION if known else "",
             table=table,
         )

@@ -14,7 +14,6 @@ from lfobench.render.plots.style import LABEL_SIZE, REFERENCE_GREY, LineStyle, L
 from lfobench.render.plots.text import text_height, text_width, wrapped
 from lfobench.render.table import Column
 
-SCORE_LABEL = "normalised score"
 RANDOM, EXPERT = 0.0, 100.0
 DEMONSTRATION_LINE: LineStyle = (0.0, (1.0, 2.0))
 

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from lfobench.render.plots.captions import REFERENCES, caption, run_score, shared_tasks
+from lfobench.render.plots.captions import caption, references, run_score, score_label, shared_tasks
 from lfobench.render.plots.compared import LEVEL, compare
 from lfobench.render.plots.figure import PaperFigure
-from lfobench.render.plots.grid import EXPERT, RANDOM, SCORE_LABEL, legend, reference_lines
+from lfobench.render.plots.grid import EXPERT, RANDOM, legend, reference_lines
 from lfobench.render.plots.style import WIDTHS, Look, looks, style
 from lfobench.render.table import Table
 from lfobench.stats.aggregates import Profile, performance_profile
@@ -56,7 +56,7 @@ def profiles(table: Table, width: float = WIDTHS["column"], methods: Sequence[st
             _draw(axes, profile, chosen[column], place / len(found))
         axes.set_xlim(low - margin, high + margin)
         axes.set_ylim(0.0, 1.02)
-        axes.set_xlabel(f"{SCORE_LABEL} τ")
+        axes.set_xlabel(f"{score_label(table)} τ")
         axes.set_ylabel("fraction of runs\nwith score > τ")
         legend(figure, chosen)
     banded = any(profile.low is not None for profile in found.values())
@@ -67,7 +67,7 @@ def profiles(table: Table, width: float = WIDTHS["column"], methods: Sequence[st
             if banded
             else "One run per task shows no spread, so there are no bands.",
             shared_tasks(compared),
-            f"{run_score(table)} {REFERENCES}",
+            f"{run_score(table)} {references(table)}",
             table=table,
         )
     )

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from lfobench.render.cell_text import FAILED, MISSING
-from lfobench.render.plots.captions import DEMONSTRATION, REFERENCES, caption, run_score
+from lfobench.render.plots.captions import DEMONSTRATION, caption, references, run_score, score_label
 from lfobench.render.plots.compared import LEVEL, demonstration_score, run_cells, run_columns
 from lfobench.render.plots.figure import PaperFigure
-from lfobench.render.plots.grid import SCORE_LABEL, panels, reference_lines, score_limits
+from lfobench.render.plots.grid import panels, reference_lines, score_limits
 from lfobench.render.plots.style import INK, PAPER, SMALL_SIZE, WIDTHS, Look, looks, style
 from lfobench.render.plots.text import text_height, wrapped
 from lfobench.render.table import Cell, Table
@@ -57,7 +57,7 @@ def scores(table: Table, width: float = WIDTHS["column"], methods: Sequence[str]
             panel.set_ylim(len(columns) - 0.5, -0.5)
             panel.tick_params(axis="y", length=0.0)
         axes[0].set_yticks(range(len(columns)), labels)
-        figure.supxlabel(SCORE_LABEL)
+        figure.supxlabel(score_label(table))
     return figure.settle(
         caption(
             "Scores per task: every dot is one seed, a cross one that diverged; the tick is their mean, "
@@ -66,7 +66,7 @@ def scores(table: Table, width: float = WIDTHS["column"], methods: Sequence[str]
             if any(cell.failed_seeds for row in cells for cell in row.values())
             else "",
             f"{MISSING} at the edge: no run." if any(len(row) < len(columns) for row in cells) else "",
-            f"{run_score(table)} {REFERENCES}",
+            f"{run_score(table)} {references(table)}",
             DEMONSTRATION if known else "",
             table=table,
         )
