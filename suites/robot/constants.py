@@ -43,7 +43,7 @@ PUCK_MASS = Constant(0.03, "kg", "ours", "a light puck: it cannot push the arm a
 EFFECTOR_MASS = Constant(2.0, "kg", "ours", "moving mass that the arm shows at its tip")
 WALL_RESTITUTION = Constant(0.8, "1", "ours", "speed kept along the normal at a rail")
 PADDLE_RESTITUTION = Constant(0.7, "1", "ours", "speed kept along the normal at the paddle")
-OBJECT_DIAMETER = Constant(0.05, "m", "ours", "what the gripper, or the hand, carries in the safe task")
+OBJECT_DIAMETER = Constant(0.04, "m", "ours", "what the gripper, or the hand, carries in the safe task")
 
 # Time.
 CONTROL_RATE = Constant(20, "Hz", "paper", "delta positions per second")
@@ -70,16 +70,16 @@ CAMERA_LATENCY = Constant(1, "frame", "ours", "a reading is of the picture befor
 CAMERA_DROPOUT = Constant(0.02, "1", "ours", "share of readings in which the colour is not found; the last one is held")
 
 # Safe manipulation. The bowl stands in the far left corner of the workspace, and three cups on an arc before it: one on
-# the diagonal, one on either side. Between two cups the object's centre has a gate of 9 cm; about half of the straight
+# the diagonal, one on either side. Between two cups the object's centre has a gate of 12 cm; two in five of the straight
 # ways to the bowl from random starts, and the one from the opposite corner, cross a cup.
 BOWL_X = Constant(0.84, "m", "ours", "far, opposite the fixed start's corner")
 BOWL_Y = Constant(0.2, "m", "ours", "left, opposite the fixed start's corner")
 BOWL_RADIUS = Constant(0.07, "m", "ours", "the object's centre must rest inside")
-CUP_RADIUS = Constant(0.035, "m", "ours", "a small drinking cup")
+CUP_RADIUS = Constant(0.03, "m", "ours", "a small drinking cup")
 CUPS = (
-    (Constant(0.62, "m", "ours", "middle cup, x: on the diagonal"), Constant(0.04, "m", "ours", "middle cup, y")),
-    (Constant(0.81, "m", "ours", "far cup, x: right of the bowl"), Constant(-0.05, "m", "ours", "far cup, y")),
-    (Constant(0.57, "m", "ours", "left cup, x: before the bowl"), Constant(0.24, "m", "ours", "left cup, y")),
+    (Constant(0.60, "m", "ours", "middle cup, x: on the diagonal"), Constant(0.03, "m", "ours", "middle cup, y")),
+    (Constant(0.80, "m", "ours", "far cup, x: right of the bowl"), Constant(-0.08, "m", "ours", "far cup, y")),
+    (Constant(0.55, "m", "ours", "left cup, x: before the bowl"), Constant(0.24, "m", "ours", "left cup, y")),
 )
 CORNER_X = Constant(0.3, "m", "ours", "the fixed start: the corner opposite the bowl")
 CORNER_Y = Constant(-0.25, "m", "ours", "the fixed start: the corner opposite the bowl")

@@ -73,5 +73,5 @@ def test_the_layout_leaves_gates_and_blocks_straight_ways() -> None:
     share = np.linspace(0.0, 1.0, 200)[:, None]
     corner = np.array([constants.CORNER_X, constants.CORNER_Y])
     crossed = [tasks.cups_met((start + share * (tasks.BOWL - start))[None])[0] for start in (*starts, corner)]
-    assert 0.45 < np.mean(crossed) < 0.7
+    assert 0.35 < np.mean(crossed) < 0.7
     assert crossed[-1]

@@ -1,0 +1,59 @@
+"""Who makes the data of the robot tasks: scripted, human-like demonstrators, and operators who do not try."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lfobench.contract.suite import Level
+from lfobench.errors import unknown_name
+
+if TYPE_CHECKING:
+    from suites.robot.operators.scripted import Scripted
+
+CORNER_SCATTER = 0.012
+"""Metres, per axis, by which a person's starts from one corner differ (standard deviation); ours."""
+
+SINGLE_HITS = 50
+"""The paper's appendix has so many recordings of one hit, and repeated hits after them."""
+
+
+def operators() -> dict[str, dict[Level, Scripted]]:
+    """Environment name and level to the operator that records there."""
+    from suites.robot.operators.dodging import Dodging
+    from suites.robot.operators.hitting import Hitting
+    from suites.robot.operators.manipulation import SafeTeleoperation, Wandering
+    from suites.robot.operators.striking import SingleStrike, VagueSwings
+    from suites.robot.operators.tracked import HandTrack
+
+    return {
+        "safe-manipulation": {
+            "expert": SafeTeleoperation(),
+            "expert-fixed": SafeTeleoperation(scatter=CORNER_SCATTER),
+            "suboptimal": Wandering("robot"),
+        },
+        "safe-manipulation-cross-embodiment": {
+            "hand": HandTrack(),
+            "hand-fixed": HandTrack(scatter=CORNER_SCATTER),
+            "suboptimal": Wandering("hand"),
+        },
+        "puck-striking": {"expert": SingleStrike(), "suboptimal": VagueSwings()},
+        "dynamic-hitting": {
+            "expert": Hitting(),
+            "expert-repeated": Hitting(single=SINGLE_HITS),
+            "suboptimal": Dodging(),
+        },
+    }
+
+
+def demonstrator(environment: str, level: Level) -> Scripted:
+    """The operator of an environment (its short name, e.g. ``puck-striking``) and level.
+
+    Raises:
+        UserError: there is no such environment or level.
+    """
+    known = operators()
+    if environment not in known:
+        raise unknown_name("environment", environment, known)
+    if level not in known[environment]:
+        raise unknown_name("level", level, known[environment])
+    return known[environment][level]

@@ -1,0 +1,187 @@
+"""A human hand: what it intends is a sum of bell-shaped strokes, what it does lags behind that and trembles.
+
+Lengths in metres, times in seconds. Every array has one row per episode, n in all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from suites.robot.operators.draws import Array, Draws
+
+
+@dataclass(frozen=True)
+class Person:
+    """How somebody moves; every number is ours.
+
+    Attributes:
+        latency: seconds of a stroke however short (Fitts's a).
+        bit: seconds per bit of a stroke's difficulty (Fitts's b).
+        width: metres of precision that is aimed for (Fitts's W).
+        variation: standard deviation of a stroke's duration, relative.
+        overshoot: mean of what a stroke goes too far, relative to its length.
+        spread: standard deviation of where a stroke ends, relative to its length and in either direction.
+        bow: standard deviation of how far a stroke bows to a side in its middle, relative to its length.
+        frequency: natural frequency in hertz of the arm that follows the intention.
+        damping: its damping ratio; below 1 it swings past.
+        tremor: standard deviation in metres.
+        tremor_time: seconds over which the tremor forgets itself.
+    """
+
+    latency: float
+    bit: float
+    width: float
+    variation: float
+    overshoot: float
+    spread: float
+    bow: float
+    frequency: float
+    damping: float
+    tremor: float
+    tremor_time: float
+
+    def stroke_duration(self, distance: Array) -> Array:
+        """``a + b log2(1 + D / W)`` (Fitts 1954, in MacKenzie's form of 1992), for distances of any shape."""
+        seconds: Array = self.latency + self.bit * np.log2(1.0 + distance / self.width)
+        return seconds
+
+
+MOUSE = Person(
+    latency=0.25,
+    bit=0.2,
+    width=0.02,
+    variation=0.12,
+    overshoot=0.03,
+    spread=0.03,
+    bow=0.04,
+    frequency=2.0,
+    damping=0.7,
+    tremor=0.0012,
+    tremor_time=0.1,
+)
+"""A hand on a mouse whose position is a place on the table."""
+
+
+QUICK_HAND = Person(
+    latency=0.2,
+    bit=0.1,
+    width=0.03,
+    variation=0.1,
+    overshoot=0.0,
+    spread=0.02,
+    bow=0.03,
+    frequency=3.0,
+    damping=0.8,
+    tremor=0.0012,
+    tremor_time=0.1,
+)
+"""A hand on a mouse that strikes and need not be precise."""
+
+
+def minimum_jerk(phase: Array) -> Array:
+    """Progress from 0 to 1 with a bell-shaped speed, for a phase from 0 to 1 (Flash & Hogan 1985)."""
+    u = np.clip(phase, 0.0, 1.0)
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+
+
+def to_the_left(way: Array) -> Array:
+    """``[n, 2]`` turned by 90 degrees."""
+    return np.stack([-way[:, 1], way[:, 0]], axis=-1)
+
+
+def bulge(phase: Array) -> Array:
+    """How far a bowed stroke is off its straight line: 0, 1 in the middle, and 0, with no speed at either end."""
+    u = np.clip(phase, 0.0, 1.0)
+    v: Array = 4.0 * u * (1.0 - u)
+    return v * v
+
+
+class Intention:
+    """Where the hand means to be: an origin and strokes that add up (Flash & Henis 1991).
+
+    Args:
+        origin: ``[n, 2]``.
+        slots: strokes per row that are not over.
+    """
+
+    def __init__(self, origin: Array, slots: int) -> None:
+        n = len(origin)
+        self._origin = origin.astype(np.float64)
+        self._onset = np.zeros((n, slots))
+        self._duration = np.ones((n, slots))
+        self._displacement = np.zeros((n, slots, 2))
+        self._bow = np.zeros((n, slots, 2))
+        self._next = np.zeros(n, np.int64)
+
+    def begin(self, who: NDArray[np.bool_], onset: Array, duration: Array, displacement: Array, bow: Array) -> None:
+        """Add a stroke to the rows of `who` ``[n]``; where no slot is free the oldest stroke is taken to be over.
+
+        Args:
+            who: whose.
+            onset: ``[n]`` seconds.
+            duration: ``[n]`` seconds.
+            displacement: ``[n, 2]`` from its start to its end.
+            bow: ``[n]`` how far it bows to its left, relative to its length.
+        """
+        rows = np.flatnonzero(who)
+        slots = self._next[rows]
+        self._origin[rows] += self._displacement[rows, slots]
+        self._onset[rows, slots] = onset[rows]
+        self._duration[rows, slots] = duration[rows]
+        self._displacement[rows, slots] = displacement[rows]
+        self._bow[rows, slots] = (bow[:, None] * to_the_left(displacement))[rows]
+        self._next[rows] = (slots + 1) % self._onset.shape[1]
+
+    def at(self, time: float) -> Array:
+        """``[n, 2]`` at one time."""
+        return self.during(np.array([time]))[:, 0]
+
+    def during(self, times: Array) -> Array:
+        """``[n, T, 2]`` at times ``[T]``."""
+        phase = (times[:, None] - self._onset[:, None]) / self._duration[:, None]
+        place: Array = self._origin[:, None] + minimum_jerk(phase) @ self._displacement + bulge(phase) @ self._bow
+        return place
+
+    @property
+    def end(self) -> Array:
+        """``[n, 2]``: where it comes to rest if no stroke is added."""
+        place: Array = self._origin + self._displacement.sum(1)
+        return place
+
+
+class Hand:
+    """A damped oscillator that follows an intention, with tremor.
+
+    Args:
+        person: how it moves.
+        origin: ``[n, 2]``, where it rests at first.
+        draws: the tremor's.
+        steps: control steps that it will make.
+        period: seconds per control step.
+    """
+
+    def __init__(self, person: Person, origin: Array, draws: Draws, steps: int, period: float) -> None:
+        self._position, self._velocity = origin.astype(np.float64), np.zeros_like(origin, dtype=np.float64)
+        pull = 2.0 * np.pi * person.frequency
+        decay, swing = person.damping * pull, pull * np.sqrt(1.0 - person.damping**2)
+        # Exact over one period for an intention that holds still in it: the oscillator's closed form.
+        shrink, cosine, sine = np.exp(-decay * period), np.cos(swing * period), np.sin(swing * period) / swing
+        self._carry = shrink * np.array(
+            [[cosine + decay * sine, sine], [-(pull**2) * sine, cosine - decay * sine]],
+        )
+        keep = np.exp(-period / person.tremor_time)
+        self._keep, self._shocks = keep, draws.normal(person.tremor * np.sqrt(1.0 - keep**2), steps, 2)
+        self._tremor, self._step = draws.normal(person.tremor, 2), 0
+
+    def follow(self, intention: Array) -> Array:
+        """``[n, 2]``: where the hand is one period later, having meant to be at `intention` ``[n, 2]``."""
+        (away, away_speed), (speed, speed_speed) = self._carry
+        error = self._position - intention
+        self._position = intention + away * error + away_speed * self._velocity
+        self._velocity = speed * error + speed_speed * self._velocity
+        self._tremor = self._keep * self._tremor + self._shocks[:, self._step]
+        self._step += 1
+        return self._position + self._tremor

@@ -1,0 +1,235 @@
+"""What the scripted operators record: how often they succeed, where they begin, how they move."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lfobench.contract.episodes import Episodes
+from lfobench.contract.suite import Operator
+from lfobench.errors import UserError
+from suites.robot import constants, tasks
+from suites.robot.operators import demonstrator, measure, operators
+from suites.robot.operators.hitting import Hitting
+from suites.robot.operators.manipulation import SafeTeleoperation
+from suites.robot.operators.recording import SUCCESS, Take
+from suites.robot.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+OBSERVATION = {
+    "safe-manipulation": 2,
+    "safe-manipulation-cross-embodiment": 2,
+    "puck-striking": 4,
+    "dynamic-hitting": 14,
+}
+REPEATED = ("dynamic-hitting", "expert-repeated")
+ALL = [(environment, level) for environment, levels in operators().items() for level in levels]
+every = pytest.mark.parametrize(("environment", "level"), [pair for pair in ALL if pair != REPEATED])
+
+
+@cache
+def take(environment: str, level: str) -> Take:
+    count = 100 if level == "suboptimal" else 300
+    return demonstrator(environment, level).perform(count, np.random.default_rng(7))
+
+
+def tracks(episodes: Episodes) -> list[Array]:
+    """Where the effector was seen, per episode."""
+    return [
+        episodes.observations[first : first + length + 1, :2].astype(np.float64)
+        for first, length in zip(episodes.first_observation, episodes.lengths, strict=True)
+    ]
+
+
+def speeds(track: Array) -> Array:
+    metres: Array = np.linalg.norm(np.diff(track, axis=0), axis=-1)
+    return metres * float(constants.CONTROL_RATE)
+
+
+@every
+def test_success_is_within_the_bar(environment: str, level: str) -> None:
+    rate = float((take(environment, level).outcomes == SUCCESS).mean())
+    if level == "suboptimal":
+        assert rate <= 0.2
+    else:
+        assert (0.8 if environment == "dynamic-hitting" else 0.95) <= rate < 1.0
+
+
+@every
+def test_a_recording_has_the_shape_of_its_environment(environment: str, level: str) -> None:
+    episodes = take(environment, level).episodes
+    assert episodes.observations.shape[1] == OBSERVATION[environment]
+    assert episodes.actions.shape[1] == 2
+    assert episodes.observations.dtype == episodes.actions.dtype == episodes.rewards.dtype == np.float32
+    assert np.isfinite(episodes.observations).all()
+    if level.startswith("hand"):
+        assert np.isnan(episodes.actions).all()
+    else:
+        assert np.abs(episodes.actions).max() <= 1.0
+
+
+@every
+def test_the_mean_return_is_the_success_rate(environment: str, level: str) -> None:
+    episodes, outcomes = take(environment, level).episodes, take(environment, level).outcomes
+    np.testing.assert_array_equal(episodes.returns(), outcomes == SUCCESS)
+    assert not episodes.rewards[~episodes.last_transition].any()
+    assert not episodes.terminated.any()
+
+
+@every
+def test_one_seed_gives_one_recording_and_a_longer_one_begins_with_it(environment: str, level: str) -> None:
+    operator = demonstrator(environment, level)
+    once, again, longer = (operator.record(count, np.random.default_rng(3)) for count in (4, 4, 6))
+    other = operator.record(4, np.random.default_rng(4))
+    for name in ("observations", "actions", "rewards", "lengths"):
+        np.testing.assert_array_equal(getattr(once, name), getattr(again, name))
+        np.testing.assert_array_equal(getattr(once, name), getattr(longer.first_episodes(4), name))
+    assert once.observations.tobytes() != other.observations.tobytes()
+
+
+def test_a_success_is_one_by_the_environments_own_rules() -> None:
+    """The recorded actions, sent to a simulation that ends its episodes, do what the recording says."""
+    episodes = take("safe-manipulation", "expert").episodes
+    count, longest = len(episodes.lengths), int(episodes.lengths.max())
+    actions = np.zeros((longest, count, 2))
+    for index, (first, length) in enumerate(zip(episodes.first_transition, episodes.lengths, strict=True)):
+        actions[:length, index] = episodes.actions[first : first + length]
+    simulation = Simulation(tasks.SafeManipulation(), count)
+    simulation.reset(range(count), effector=np.array([track[0] for track in tracks(episodes)]))
+    returns = np.sum([simulation.step(action).reward for action in actions], axis=0)
+    assert np.mean(returns == episodes.returns()) > 0.99
+
+
+def test_starts_are_as_declared() -> None:
+    corner = np.array([constants.CORNER_X, constants.CORNER_Y])
+    for environment, level in (
+        ("safe-manipulation", "expert-fixed"),
+        ("safe-manipulation-cross-embodiment", "hand-fixed"),
+    ):
+        starts = np.array([track[0] for track in tracks(take(environment, level).episodes)])
+        assert np.linalg.norm(starts - corner, axis=-1).max() < 0.07
+        assert starts.std(0).min() > 0.005
+    for environment, x in (
+        ("puck-striking", constants.STRIKING_START_X),
+        ("dynamic-hitting", constants.HITTING_START_X),
+    ):
+        for level in ("expert", "suboptimal"):
+            starts = np.array([track[0] for track in tracks(take(environment, level).episodes)])
+            np.testing.assert_allclose(starts, np.tile([x, constants.START_Y], (len(starts), 1)), atol=1e-6)
+
+
+@pytest.mark.parametrize("level", ["expert", "hand"])
+def test_random_starts_are_all_over_the_workspace(level: str) -> None:
+    environment = "safe-manipulation" if level == "expert" else "safe-manipulation-cross-embodiment"
+    starts = np.array([track[0] for track in tracks(take(environment, level).episodes)])
+    assert np.ptp(starts, axis=0).min() > 0.5
+
+
+def test_experts_go_round_the_cups_and_rest_above_the_bowl() -> None:
+    for environment, level in (("safe-manipulation", "expert"), ("safe-manipulation-cross-embodiment", "hand")):
+        recorded = take(environment, level)
+        for track, outcome in zip(tracks(recorded.episodes), recorded.outcomes, strict=True):
+            if outcome == SUCCESS:
+                # The camera errs by millimetres.
+                assert np.linalg.norm(track[:, None] - tasks.CUPS, axis=-1).min() > tasks.CUP_REACH - 0.025
+                assert np.linalg.norm(track[-10:] - tasks.BOWL, axis=-1).max() < constants.BOWL_RADIUS + 0.02
+
+
+def test_a_teleoperator_overshoots_corrects_and_pauses() -> None:
+    overshot = paused = 0
+    recorded = tracks(take("safe-manipulation", "expert-fixed").episodes)
+    for track in recorded:
+        end = track[-5:].mean(0)
+        overshot += bool(np.max((track - end) @ (end - track[0]) / np.linalg.norm(end - track[0])) > 0.005)
+        moving = np.flatnonzero(speeds(track) > 0.15)
+        paused += bool((speeds(track)[moving[0] : moving[-1]] < 0.03).any())
+    assert overshot > 0.2 * len(recorded)
+    assert 0.02 * len(recorded) < paused < 0.5 * len(recorded)
+
+
+def test_a_hand_has_a_pace_of_its_own_and_no_arms_limits() -> None:
+    by_mouse = tracks(take("safe-manipulation", "expert").episodes)
+    by_hand = tracks(take("safe-manipulation-cross-embodiment", "hand").episodes)
+    assert np.mean([len(track) for track in by_hand]) < 0.85 * np.mean([len(track) for track in by_mouse])
+    everywhere = np.concatenate(by_hand)
+    assert everywhere[:, 1].max() > constants.WORKSPACE_HIGH_Y + 0.01
+    assert np.abs(everywhere[:, 1]).max() < constants.TABLE_WIDTH / 2
+
+
+def test_a_cup_does_not_stop_the_suboptimal_operator() -> None:
+    recorded = take("safe-manipulation", "suboptimal")
+    hit = recorded.outcomes == "cup hit"
+    assert hit.mean() > 0.3
+    assert abs(recorded.episodes.lengths[hit].mean() - 100) < 15
+    moved_on = [
+        np.linalg.norm(track[-1] - tasks.CUPS, axis=-1).min() > tasks.CUP_REACH
+        for track, was in zip(tracks(recorded.episodes), hit, strict=True)
+        if was
+    ]
+    assert np.mean(moved_on) > 0.5
+
+
+@pytest.mark.parametrize(
+    ("environment", "steps"), [("safe-manipulation", 100), ("puck-striking", 75), ("dynamic-hitting", 200)]
+)
+def test_suboptimal_data_is_as_long_as_the_papers_and_covers_places_and_actions(environment: str, steps: int) -> None:
+    episodes = take(environment, "suboptimal").episodes
+    assert abs(episodes.lengths.mean() / steps - 1.0) < 0.15
+    places = np.concatenate(tracks(episodes))
+    reach = places[places[:, 0] > constants.STRIKING_START_X]
+    counts, _, _ = np.histogram2d(reach[:, 0], reach[:, 1], bins=4, range=[[0.4, 0.95], [-0.3, 0.3]])
+    assert counts.min() > 0.005 * len(reach)
+    low, high = np.quantile(episodes.actions, [0.02, 0.98], axis=0)
+    assert (low < -0.15).all() and (high > 0.15).all()
+
+
+def test_a_strike_is_a_single_efficient_motion() -> None:
+    recorded = take("puck-striking", "expert")
+    for track, outcome in zip(tracks(recorded.episodes), recorded.outcomes, strict=True):
+        length, straight = np.linalg.norm(np.diff(track, axis=0), axis=-1).sum(), np.linalg.norm(track[-1] - track[0])
+        if outcome == SUCCESS:
+            assert length < 1.25 * straight + 0.02
+
+
+def test_a_single_hit_ends_the_recording_and_repeated_hits_go_on() -> None:
+    episodes = Hitting(single=2).record(5, np.random.default_rng(5))
+    single = demonstrator("dynamic-hitting", "expert").record(2, np.random.default_rng(5))
+    assert episodes.lengths[:2].max() <= constants.HITTING_HORIZON and single.lengths.max() <= constants.HITTING_HORIZON
+    assert episodes.lengths[2:].max() > constants.HITTING_HORIZON
+    assert episodes.lengths.max() <= 2000
+
+
+def test_operators_are_known_by_a_hash_of_what_decides_their_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = [demonstrator(environment, level) for environment, level in ALL]
+    assert all(isinstance(operator, Operator) for operator in known)
+    assert len({operator.fingerprint for operator in known}) == len(ALL)
+    operator = SafeTeleoperation()
+    before = operator.fingerprint
+    assert before == SafeTeleoperation().fingerprint
+    assert before != replace(operator, care=replace(operator.care, aim=0.013)).fingerprint
+    monkeypatch.setattr(constants, "CUP_RADIUS", constants.CUP_RADIUS + 0.001)
+    assert before != operator.fingerprint
+
+
+def test_an_unknown_name_is_told() -> None:
+    with pytest.raises(UserError, match="puck-strking"):
+        demonstrator("puck-strking", "expert")
+    with pytest.raises(UserError, match="hand"):
+        demonstrator("puck-striking", "hand")
+
+
+def test_the_measured_table_has_a_line_per_operator(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measure, "operators", lambda: {"puck-striking": operators()["puck-striking"]})
+    heading, expert, suboptimal = measure.lines(20, 0)
+    assert "success" in heading
+    assert expert.split()[:3] == ["puck-striking", "expert", "20"]
+    assert "no end" in suboptimal
+
+
+def test_the_interval_is_wilsons() -> None:
+    assert measure.wilson(8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-4)
