@@ -47,9 +47,12 @@ QUICK = {
 class BcoConfig(MethodConfig):
     """Hyperparameters of BCO."""
 
-    batch_size: int = Field(1024, ge=1, description="Rows per seed and step, of either stage.")
+    batch_size: int = Field(1024, ge=1, description="Rows per seed and step.")
     hidden: Widths = Field((256, 256), description="Hidden widths of both networks.")
     inverse_dynamics_epochs: int = Field(5, ge=1, description="Passes of the inverse dynamics model.")
+    inverse_dynamics_batch_size: int | None = Field(
+        None, ge=1, description="Rows per seed and step of those passes; none takes batch_size."
+    )
     inverse_dynamics_learning_rate: float = Field(3e-4, gt=0, description="Its Adam step size.")
     policy_learning_rate: float = Field(1e-4, gt=0, description="Adam step size of the policy.")
 
@@ -88,11 +91,11 @@ class Bco(Method):
 
     def stages(self, sizes: Sizes) -> Sequence[Stage]:
         """`inverse_dynamics_epochs` times as many draws as there are offline pairs, then cloning."""
-        batch = self.config.batch_size
+        batch = self.config.inverse_dynamics_batch_size or self.config.batch_size
         steps = self.config.inverse_dynamics_epochs * -(-sizes.offline // batch)
         return (
             Stage(INVERSE_DYNAMICS, steps, offline_batch=batch, expert_batch=0),
-            Stage("policy", None, offline_batch=0, expert_batch=batch),
+            Stage("policy", None, offline_batch=0, expert_batch=self.config.batch_size),
         )
 
     def infer_action(self, batch: Batch) -> Tensor:

@@ -154,6 +154,8 @@ class TrajectoryRecipe:
         expert_transitions: where given, only this many (s, s', s'') of them are, drawn uniformly and in random order.
         expert_actions: whether the demonstrations have actions at all; a tracked hand has none.
         equal_transitions: cut the offline part to as many transitions as the recorded expert part has.
+        standardize: shift and scale observations by the offline part's mean and standard deviation for every method,
+            whatever it declares: in metres, a step is a hundredth of what networks are used to.
     """
 
     offline: Level
@@ -163,6 +165,7 @@ class TrajectoryRecipe:
     expert_transitions: int | None = None
     expert_actions: bool = True
     equal_transitions: bool = False
+    standardize: bool = False
 
     def __post_init__(self) -> None:
         for name in ("offline_trajectories", "expert_trajectories", "expert_transitions"):

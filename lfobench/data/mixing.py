@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -88,6 +88,8 @@ def mix(
         ValueError: for a boundary and a termination that no rule combines.
     """
     _check(needs)
+    if isinstance(recipe, TrajectoryRecipe) and recipe.standardize:
+        needs = replace(needs, standardize=True)
     indicator = needs.termination == "absorbing"
     everything, observations = _stacked(offline, expert, indicator)
     absorbing = len(everything.observations)
