@@ -19,6 +19,7 @@ from lfobench.data.cache import PartCache
 from lfobench.plan.names import select_tasks, split_names
 from lfobench.plan.parts import PartRequest, requests
 from lfobench.plan.planning import Plan, choose_protocol
+from lfobench.plan.protocol import Protocol
 from lfobench.registry import load_suite
 
 
@@ -40,6 +41,8 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     protocol = plan.protocol
     reason = f" ({plan.protocol_reason})" if plan.protocol_reason else ""
     output.print(f"protocol  {protocol.name}{reason}: {protocol.summary}")
+    for budget in dict.fromkeys(_budget(cell.protocol) for cell in plan.cells if cell.protocol != protocol):
+        output.print(f"budget    the tasks' own: {budget}", soft_wrap=True)
     if protocol.assigned_steps is not None:
         output.print(f"steps     {protocol.assigned_steps:,}, set with --steps")
     if tuned := sum(cell.tuning is not None for cell in plan.cells):
@@ -54,6 +57,16 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
         )
     else:
         output.print(f"to do     nothing: all {len(plan.runs)} runs are done")
+
+
+def _budget(protocol: Protocol) -> str:
+    """What a protocol means for a task that has a budget of its own."""
+    methods = "" if protocol.methods_as is None else f", methods set as for '{protocol.methods_as}'"
+    further = f" and at the end {protocol.further_episodes} more" if protocol.further_episodes else ""
+    return (
+        f"{protocol.steps:,} steps, every {protocol.evaluation_every:,} an evaluation of "
+        f"{protocol.evaluation_episodes} episodes{further}{methods}"
+    )
 
 
 def _arrangement(agenda: Agenda) -> str:

@@ -52,7 +52,8 @@ def list_names(
         return
     table = Table()
     for column, header in enumerate(rows[0]):
-        table.add_column(header, no_wrap=column == 0)
+        longest = max(len(str(row[header])) for row in rows)
+        table.add_column(header, no_wrap=column == 0 and 2 * longest < output.width, overflow="fold")
     for row in rows:
         table.add_row(*(escape(str(value)) for value in row.values()))
     output.print(table)
@@ -94,7 +95,7 @@ def _tasks(suite: str) -> list[dict[str, Any]]:
     return [
         {
             "name": task.name,
-            "environment": task.environment.id,
+            "environment": task.environment.id.rpartition(":")[2],
             "offline": task.recipe.words[0],
             "expert": task.recipe.words[1],
             "paper steps": f"{task.paper_steps:,}",
@@ -204,6 +205,7 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
     from rich.markup import escape
 
     from lfobench.cli import planned
+    from lfobench.contract.suite import TrajectoryRecipe
     from lfobench.data.manifest import manifest
     from lfobench.data.source import load_task
     from lfobench.files import cache_folder
@@ -221,10 +223,12 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
         print_json({"task": planned.plain(task), "recipe": planned.plain(recipe), "manifest": planned.plain(counted)})
         return
     environment, (offline, expert) = task.environment, recipe.words
+    equal = isinstance(recipe, TrajectoryRecipe) and recipe.equal_transitions
+    cut = ", the former cut to as many transitions as the latter" if equal else ""
     output.print(f"[bold]{task.name}[/]: {environment.id}, {environment.horizon} steps per episode")
     output.print(f"score 0 = return {environment.random_return:g}, score 100 = return {environment.expert_return:g}")
     output.print(
-        f"recipe ({protocol.name}): {offline} + {expert}; {protocol.for_task(task).steps_for(task):,} steps",
+        f"recipe ({protocol.name}): {offline} + {expert}{cut}; {protocol.for_task(task).steps_for(task):,} steps",
         soft_wrap=True,
     )
     for method, grid in task.grids.items():
@@ -240,7 +244,8 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
 def _show_fields(protocol: Protocol, as_json: bool) -> None:
     from lfobench.cli import planned
 
-    fields = {name: value for name, value in planned.plain(protocol).items() if name != "assigned_steps"}
+    of_tasks = ("assigned_steps", "further_episodes", "methods_as")
+    fields = {name: value for name, value in planned.plain(protocol).items() if name not in of_tasks}
     if as_json:
         print_json(fields)
         return

@@ -176,10 +176,9 @@ class TrajectoryRecipe:
     @property
     def words(self) -> tuple[str, str]:
         """The offline part, and what of the expert is observed."""
-        cut = ", cut to the length of the expert part" if self.equal_transitions else ""
         sample = "" if self.expert_transitions is None else f"{self.expert_transitions} transitions of "
         return (
-            f"{self.offline_trajectories} {self.offline} trajectories{cut}",
+            f"{self.offline_trajectories} {self.offline} trajectories",
             f"{sample}{self.expert_trajectories} {self.expert} trajectories",
         )
 
