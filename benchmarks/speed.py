@@ -8,7 +8,7 @@ from typing import Any
 
 import torch
 
-from benchmarks import built_task, views
+from benchmarks import built_task, robot, views
 from benchmarks.ablations import compare_ablations
 from benchmarks.evaluation import compare_evaluation
 from benchmarks.hardware import describe
@@ -112,6 +112,12 @@ class Speed:
         worst = min((each.workers_speedup for each in found), key=lambda spread: spread.median)
         yield "evaluation", Finding(TARGETS["evaluation"], _scaled(worst, 1.0 / self.cores))
 
+    def simulation(self) -> Iterator[tuple[str, Finding]]:
+        """The robot simulation, all worlds in lock step on one core."""
+        found = robot.control_steps(self.quick, self.rounds)
+        self.raw["simulation"] = {name: spread.as_json() for name, spread in found.items()}
+        yield "simulation", Finding(TARGETS["simulation"], min(found.values(), key=lambda spread: spread.median))
+
     def loading(self) -> Iterator[tuple[str, Finding]]:
         """From files on disk to tables."""
         found = built_task.loading(self.quick, self.rounds)
@@ -162,6 +168,7 @@ SECTIONS: dict[str, Section] = {
     "bf16": Speed.bf16,
     "seeds": Speed.seeds,
     "evaluation": Speed.evaluation,
+    "simulation": Speed.simulation,
     "statistics": Speed.statistics,
     "records": Speed.records,
 }

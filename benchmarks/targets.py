@@ -15,7 +15,7 @@ class Target:
 
     Attributes:
         measure: in words.
-        unit: of value and bounds: ``x`` for a ratio, ``s`` for seconds.
+        unit: of value and bounds: ``x`` for a ratio, ``s`` for seconds, ``/s`` for a rate.
         must: the bound.
         aim: what we would like.
         more_is_better: whether the bounds are from below.
@@ -43,6 +43,7 @@ TARGETS: dict[str, Target] = {
     "cpu authors": Target("CPU, one thread: DILO, batch 256, authors' loop over the engine", "x", 2, 3, True),
     "cpu bf16": Target("CPU with bf16 units: DILO, batch 1024, authors' loop over the engine", "x", 2.5, 5, True),
     "evaluation": Target("Evaluation, all cores over one environment at a time, per core", "x", 0.8, 1, True),
+    "simulation": Target("Robot simulation, lock step, control steps per second and core", "/s", 20_000, 30_000, True),
     "loading": Target("Loading a built task of 1.2M transitions (DILO)", "s", 2, 0.3, False),
     "bootstrap": Target("50,000 bootstrap replicates of the IQM, 8 methods x 24 tasks x 7 seeds", "s", 5, 2, False),
     "records": Target("lfobench.load of 10,000 records seen before", "s", 3, 1, False),
