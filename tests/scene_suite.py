@@ -155,6 +155,7 @@ def scene(environment: str) -> Scene:
         downhill=-1,
         workspace=((0.05, 1.0), (-0.3, 0.3)),
         discs=() if puck else (CUP, GOAL),
+        stride=(float(STRIDE[0]), float(STRIDE[1])),
         effector_radius=PADDLE,
         puck_radius=PUCK if puck else None,
         observation_at=None if puck else lambda positions: positions.astype(np.float32),

@@ -16,7 +16,6 @@ from lfobench.contract.statistic import parse_statistic
 from lfobench.contract.suite import Suite, Task
 from lfobench.data.source import load_task
 from lfobench.data.strokes import demonstrated_strokes
-from lfobench.engine.trace import stride
 from lfobench.errors import UserError, unknown_name
 from lfobench.files import cache_folder
 from lfobench.plan.names import select_tasks, split_names
@@ -198,11 +197,10 @@ def _field(found: _Found, table: Table, width: float) -> PaperFigure:
         assert scene.observation_at is not None
         points = field_points(scene)
         observations = scene.observation_at(points.reshape(-1, 2).astype(np.float32))
-        metres = stride(task.environment)
         for label, record in found.records[name].items():
             actions = policy_of(found.out, record).act(observations)
             # A diverged seed may answer NaN, which an evaluation takes for no motion.
-            motion: NDArray[np.float64] = np.nan_to_num(actions * metres, nan=0.0, posinf=0.0, neginf=0.0)
+            motion: NDArray[np.float64] = np.nan_to_num(actions * scene.stride, nan=0.0, posinf=0.0, neginf=0.0)
             panels.append(Field(name, label, scene, motion.reshape(points.shape)))
     return field(panels, table, width)
 

@@ -42,6 +42,7 @@ class Scene:
         downhill: -1 or 1, the sign of x towards which a free puck accelerates.
         workspace: (x, y) extents that the end-effector may reach.
         discs: what stands on it.
+        stride: metres along x and y that an action of 1 commands.
         effector_radius: of what the end-effector carries.
         puck_radius: None where there is no puck.
         observation_at: observations ``[n, obs]`` of the end-effector at rest at positions ``[n, 2]``, for a field of
@@ -53,6 +54,7 @@ class Scene:
     downhill: Literal[-1, 1]
     workspace: tuple[Span, Span]
     discs: tuple[Disc, ...]
+    stride: tuple[float, float]
     effector_radius: float
     puck_radius: float | None = None
     observation_at: Callable[[FloatArray], FloatArray] | None = None

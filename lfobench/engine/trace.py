@@ -21,8 +21,6 @@ Act = Callable[[FloatArray], FloatArray]
 STEPS_PER_SECOND = 20.0
 """Of a simulator whose metadata gives no ``render_fps``."""
 
-_PUSH, _PROBED_STARTS = 0.1, 4
-
 
 @dataclass(frozen=True)
 class Trace:
@@ -104,28 +102,6 @@ def _reported(information: Mapping[str, Any], name: str, environment: Environmen
             "An environment with a scene reports effector and outcome, and puck where there is one.",
         )
     return np.array(information[name])
-
-
-def stride(environment: Environment) -> NDArray[np.float64]:
-    """Metres along x and y ``[2]`` that an action of 1 moves the end-effector in one step from rest.
-
-    Measured at a tenth of it, both ways, where no limit of speed is met; from several starts, because one of them may
-    lie at the end of the workspace.
-
-    Raises:
-        UserError: as `trace` does.
-    """
-    starts = list(range(_PROBED_STARTS))
-    worlds = _together(environment, 2 * len(starts))
-    try:
-        worlds.reset(seed=starts * 2)  # type: ignore[arg-type]
-        push = np.repeat(np.array([_PUSH, -_PUSH], np.float32), len(starts))
-        _, _, _, _, information = worlds.step(np.stack([push, push], axis=1))
-        there, back = np.split(_reported(information, "effector", environment), 2)
-    finally:
-        worlds.close()
-    moved: NDArray[np.float64] = ((there - back) / (2.0 * _PUSH)).max(axis=0)
-    return moved
 
 
 def _together(environment: Environment, count: int) -> gymnasium.vector.VectorEnv[Any, Any, Any]:

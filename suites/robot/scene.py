@@ -37,6 +37,7 @@ def scene(environment_name: str) -> Scene:
             (float(constants.WORKSPACE_LOW_Y), float(constants.WORKSPACE_HIGH_Y)),
         ),
         discs=(*cups, bowl) if safe else (),
+        stride=(float(constants.CLIP_X), float(constants.CLIP_Y)),
         effector_radius=float(constants.OBJECT_DIAMETER if safe else constants.PADDLE_DIAMETER) / 2,
         puck_radius=None if safe else float(constants.PUCK_DIAMETER) / 2,
         observation_at=_same if safe else None,

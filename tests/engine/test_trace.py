@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import gymnasium
 import numpy as np
 import pytest
 import scene_suite
-from scene_suite import REACH, STRIDE, STRIKE, SUITE, Points
+from scene_suite import REACH, SUITE, Points
 
 from lfobench.contract.episodes import FloatArray
 from lfobench.contract.suite import Task
 from lfobench.engine.evaluation import start_seed
-from lfobench.engine.trace import stride, trace
+from lfobench.engine.trace import trace
 from lfobench.errors import UserError
 
 TASKS = {task.environment.name: task for task in SUITE.tasks}
@@ -53,11 +51,6 @@ def test_an_action_that_is_not_finite_is_no_motion() -> None:
     (broken,) = trace(lambda observations: still(observations) * np.float32(np.nan), REACHING, [0])
     assert (broken.outcome, len(broken.effector)) == ("out of time", REACH.horizon + 1)
     assert (broken.effector == broken.effector[0]).all()
-
-
-@pytest.mark.parametrize("environment", [REACH, STRIKE])
-def test_a_stride_is_how_far_an_action_of_one_goes(environment: Any) -> None:
-    np.testing.assert_allclose(stride(environment), STRIDE, rtol=1e-5)
 
 
 def test_an_environment_that_steps_alone_or_keeps_its_secrets_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

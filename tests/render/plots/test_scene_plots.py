@@ -31,6 +31,7 @@ SCENE = Scene(
     downhill=-1,
     workspace=((0.25, 0.95), (-0.3, 0.3)),
     discs=(Disc("cup", "obstacle", (0.6, 0.0), 0.04), Disc("bowl", "goal", (0.84, 0.2), 0.07)),
+    stride=(0.26, 0.13),
     effector_radius=0.03,
 )
 PUCKS = replace(SCENE, discs=(), effector_radius=0.0475, puck_radius=0.0315)

@@ -39,8 +39,7 @@ class Field(Panel):
     """Panel of one method.
 
     Attributes:
-        motions: metres that its command moves the end-effector in a step, at every point of `field_points`,
-            ``[n_y, n_x, 2]``.
+        motions: metres that it commands the end-effector to move, at every point of `field_points`, ``[n_y, n_x, 2]``.
     """
 
     motions: NDArray[np.floating[Any]]
@@ -70,12 +69,12 @@ def field(panels: Sequence[Field], table: Table, width: float = WIDTHS["column"]
         for cell, panel in zip(axes, panels, strict=True):
             draw_table(cell, panel.scene)
             _draw(cell, panel, norm, long, every)
-        colour_bar(figure, axes, norm, _SPEEDS, "motion in a step (cm)", beyond=lengths.max() > long)
+        colour_bar(figure, axes, norm, _SPEEDS, "commanded motion (cm)", beyond=lengths.max() > long)
         legend(figure, {}, scene_handles(scenes))
     return figure.settle(
         caption(
-            "Field of actions from above: where the command of each method moves the end-effector in one step, from "
-            "rest and without a limit of its speed. All arrows are to one scale; the ground is dark where they vanish.",
+            "Field of actions from above: by how much, and where to, each method commands the end-effector to move. "
+            "All arrows are to one scale; the ground is dark where they vanish.",
             whose(table),
             table=table,
         )
