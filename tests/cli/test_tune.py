@@ -122,7 +122,7 @@ def test_what_is_printed(tuned: Path) -> None:
     assert "4 of 4 runs" in printed
     for method, choice in choices(tuned).items():
         ((field, value),) = choice["tuning"]["chosen"].items()
-        assert method in printed and f"{field} = {value}" in " ".join(printed.split())
+        assert method in printed and field in printed and str(value) in printed
     assert "mean score of the last evaluation over 3 validation starts" in printed
 
 
