@@ -136,7 +136,10 @@ def _show(choices: Sequence[tuple[Search, Choice]], folder: TuningFolder) -> Non
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table("task", "method", "chosen", "score", "of all trials", title="Choices", title_style="bold")
+    table = Table(title="Choices", title_style="bold")
+    for header in ("task", "method", "chosen", "score", "of all trials"):
+        # Folded, never cut: a name that ends in dots cannot be typed.
+        table.add_column(header, overflow="fold")
     for search, choice in choices:
         values = ", ".join(f"{field} = {value}" for field, value in choice.tuning.chosen.items())
         scores = [trial.score for trial in choice.trials]
