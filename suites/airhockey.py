@@ -76,12 +76,24 @@ def _task(environment: Environment, group: str, level: Level, trajectories: int,
         name=f"{environment.name}-{group}",
         group=group,
         environment=environment,
-        recipe=TrajectoryRecipe("suboptimal", offline, level, trajectories, standardize=True, **recipe),
+        recipe=TrajectoryRecipe(
+            _judged("suboptimal", environment),
+            offline,
+            _judged(level, environment),
+            trajectories,
+            standardize=True,
+            **recipe,
+        ),
         paper_steps=PAPER_STEPS,
         budgets=_budgets(STRIKING_STARTS if environment is STRIKING else FIXED_STARTS),
         settings=SETTINGS,
         grids=GRIDS,
     )
+
+
+def _judged(level: Level, environment: Environment) -> Level:
+    """Recordings succeed or fail by the task's own score."""
+    return f"{level}-touch" if environment is TOUCH else level
 
 
 def _manipulation(environment: Environment, level: Level, equal: bool) -> tuple[Task, ...]:

@@ -23,6 +23,10 @@ def video(
     episodes: Annotated[
         str, typer.Option("--episodes", "--episode", help="Fixed starts, one after the other, e.g. 0-3.")
     ] = "0",
+    tuned: Annotated[
+        bool | None,
+        typer.Option("--tuned/--untuned", help="A run whose hyperparameters were chosen, or not."),
+    ] = None,
     suite: selection.SuiteFilter = None,
     protocol: selection.ProtocolFilter = None,
     steps: selection.StepsFilter = None,
@@ -45,11 +49,17 @@ def video(
     present = {record.task for record in selected.records}
     if present and task not in present:
         raise unknown_name(f"task among the records of {method}", task, present)
-    record, *others = of_seed([record for record in selected.records if record.task == task], seed)
+    meant = [
+        record
+        for record in selected.records
+        if record.task == task and (tuned is None or (record.tuning is not None) == tuned)
+    ]
+    record, *others = of_seed(meant, seed)
     if others:
         raise UserError(
             f"{1 + len(others)} runs of {method} on {task} have seed {seed}.",
-            "Choose one with --preset, --protocol, --steps, --source or --suite.",
+            "Choose one with --tuned or --untuned, --preset, --protocol, --steps, --source or --suite; runs that "
+            "differ by --set alone need folders of their own.",
         )
     found = suite_of(record, suite)
     scene = scene_of(found)

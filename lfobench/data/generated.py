@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from lfobench.contract.episodes import Episodes, FloatArray
-from lfobench.contract.suite import Demonstrator, Operator
+from lfobench.contract.suite import Demonstrator, Environment, Operator
 from lfobench.plan.parts import PartSpecification
 
 
@@ -17,13 +17,31 @@ def record(specification: PartSpecification, operator: Operator) -> Episodes:
     """A recorded part: as many episodes as its specification says.
 
     Raises:
-        ValueError: when the operator records another number.
+        ValueError: when the operator records another number, what its environment would not, or what is no number.
     """
     wanted = specification.episodes or 0
     episodes = operator.record(wanted, _generator(specification, 0))
     if len(episodes.lengths) != wanted:
         raise ValueError(f"the operator was asked for {wanted} episodes and recorded {len(episodes.lengths)}")
+    _check_recording(episodes, specification.environment)
     return episodes
+
+
+def _check_recording(episodes: Episodes, environment: Environment) -> None:
+    simulator = environment.make()
+    spaces = {"observations": simulator.observation_space, "actions": simulator.action_space}
+    simulator.close()
+    for name, space in spaces.items():
+        columns, wanted = getattr(episodes, name).shape[1:], space.shape
+        if columns != wanted:
+            raise ValueError(f"{name} has rows of shape {columns}; those of {environment.id} are of shape {wanted}")
+    for name in ("observations", "rewards"):
+        if not np.isfinite(getattr(episodes, name)).all():
+            raise ValueError(f"{name} has a value that is not a finite number")
+    if np.isnan(episodes.actions).all():
+        return  # nothing was commanded; a recipe says whether it can do without
+    if not (np.abs(episodes.actions) <= 1.0).all():
+        raise ValueError("actions has a value that is not a number in [-1, 1]")
 
 
 def roll_out(

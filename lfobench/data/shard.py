@@ -58,8 +58,21 @@ def open_shard(path: Path) -> Shard:
         shapes = {name: tuple(array.get_shape()) for name, array in slices.items()}
         found = {name: (array.get_dtype(), len(shapes[name])) for name, array in slices.items()}
         if found != {name: (kind.code, kind.dimensions) for name, kind in ARRAYS.items()}:
-            raise ValueError(f"arrays of an unknown kind: {found}")
+            raise ValueError(_differences(found))
         return Shard(path, file.metadata() or {}, shapes)
+
+
+def _differences(found: dict[str, tuple[str, int]]) -> str:
+    """What a shard's arrays lack, or have beyond or other than they should."""
+    lacking = [f"it lacks {name}" for name in ARRAYS if name not in found]
+    unknown = [f"it has the unknown array {name}" for name in found if name not in ARRAYS]
+    other = [
+        f"{name} is {code} of {dimensions} dimensions, not {kind.code} of {kind.dimensions}"
+        for name, kind in ARRAYS.items()
+        for code, dimensions in [found.get(name, (kind.code, kind.dimensions))]
+        if (code, dimensions) != (kind.code, kind.dimensions)
+    ]
+    return ", ".join([*lacking, *unknown, *other])
 
 
 def reserve(shards: Sequence[Shard]) -> tuple[Arrays, list[Arrays]]:

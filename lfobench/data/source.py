@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from lfobench.contract.episodes import Episodes
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.suite import Recipe, Suite, Task, TrajectoryRecipe
 from lfobench.data import boundaries
 from lfobench.data.cache import PartCache
 from lfobench.data.mixing import Mixture, mix
+from lfobench.errors import UserError
 from lfobench.plan.parts import requests
 
 
@@ -57,6 +60,19 @@ def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryR
         PartCache(root, request.specification).load(request.transitions, rebuild)
         for request in requests(suite, task, recipe)
     )
+    if isinstance(recipe, TrajectoryRecipe):
+        _check_actions(task, recipe, offline, expert)
     if isinstance(recipe, TrajectoryRecipe) and recipe.equal_transitions:
         offline = offline.first_transitions(expert.transitions)
     return TaskData(task, recipe, offline, expert, {"offline": offline_mark, "expert": expert_mark})
+
+
+def _check_actions(task: Task, recipe: TrajectoryRecipe, offline: Episodes, expert: Episodes) -> None:
+    needed = {recipe.offline: offline} | ({recipe.expert: expert} if recipe.expert_actions else {})
+    for level, episodes in needed.items():
+        if np.isnan(episodes.actions).any():
+            raise UserError(
+                f"The {level} part of {task.name} was recorded without actions.",
+                "Mend its suite: an offline part needs them, and an expert part too unless its recipe says "
+                "expert_actions=False.",
+            )

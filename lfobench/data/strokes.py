@@ -22,9 +22,9 @@ def demonstrated_strokes(data: TaskData, columns: slice) -> list[FloatArray]:
         boundary="exact",
         termination="zero",
     )
-    mixture = data.mixture(needs)
-    rows = mixture.expert
-    positions = mixture.observations[:, columns]
+    rows = data.mixture(needs).expert
+    # The mixture's own observations may be standardised; its rows count through both parts, end to end.
+    positions = np.concatenate([part.observations[:, columns] for part in (data.offline, data.expert)])
     breaks = np.flatnonzero(rows.next_observation[:-1] != rows.observation[1:]) + 1
     return [
         np.concatenate([positions[rows.observation[part]], positions[rows.next_observation[part[-1:]]]])

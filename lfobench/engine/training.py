@@ -187,7 +187,10 @@ class Trainer:
         self.progress.seconds["evaluate"] += time.perf_counter() - started
 
     def further(self) -> list[Evaluation | None]:
-        """What the trained policies do from the further starts, per seed; None where there are none, or it diverged."""
+        """What the trained policies do from the further starts, per seed; None where there are none, or it diverged.
+
+        A policy that answers one of them with something that is not finite has diverged, as in an evaluation.
+        """
         nothing: list[Evaluation | None] = [None for _ in self._seeds]
         cell = self._cell
         starts = further_starts(cell)
@@ -201,10 +204,12 @@ class Trainer:
             evaluator.close()
         self.progress.seconds["evaluate"] += time.perf_counter() - started
         step = cell.protocol.steps_for(cell.task)
-        sound = [where is None for where in self.progress.diverged_at]
+        for index, finite in enumerate(results.finite):
+            if not finite and self.progress.diverged_at[index] is None:
+                self.progress.diverged_at[index] = step
         return [
-            _evaluation(step, results, index) if sound[index] and results.finite[index] else None
-            for index in range(len(self._seeds))
+            _evaluation(step, results, index) if where is None else None
+            for index, where in enumerate(self.progress.diverged_at)
         ]
 
     def _settle(self, wait: bool) -> None:

@@ -97,8 +97,13 @@ class Cell:
             group=self.task.group,
             row=self.task.environment.name,
             sees_expert_actions=self.method.access_to_expert_actions,
-            stated=list(self.method.stated),
+            stated=[field for field in self.method.stated if field not in self._decided_by_the_recipe],
         )
+
+    @property
+    def _decided_by_the_recipe(self) -> tuple[str, ...]:
+        """Fields that play no part: nothing follows the end of a recorded trajectory, whatever a method would have."""
+        return ("termination",) if isinstance(self.task.recipe, TrajectoryRecipe) else ()
 
     @property
     def label(self) -> str:

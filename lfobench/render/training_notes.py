@@ -75,7 +75,9 @@ def _mixed(records: Sequence[Record]) -> str:
 def _recorded(records: Sequence[Record]) -> str:
     offline = with_whom(((_offline(record.identity["recipe"]), record.labels.group) for record in records), "; ")
     expert = with_whom(((_expert(record.identity["recipe"]), record.labels.group) for record in records), "; ")
-    return f"Offline data: {offline}. Expert data, observations only: {expert}."
+    scaled = all(record.identity["recipe"].get("standardize") for record in records)
+    units = " Observations are standardised by the offline data's moments for every method." if scaled else ""
+    return f"Offline data: {offline}. Expert data, observations only: {expert}. No row crosses an end.{units}"
 
 
 def _offline(recipe: dict[str, Any]) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -60,12 +60,21 @@ class Choice(_Model):
     @property
     def best(self) -> Trial:
         """The trial of the chosen values."""
-        return best(self.trials)
+        return next(trial for trial in self.trials if trial.values == self.tuning.chosen)
 
 
-def best(trials: Sequence[Trial]) -> Trial:
-    """The trial of the highest score; of equal ones, that with the fewest diverged seeds, then the first."""
-    return max(trials, key=lambda trial: (trial.score, -len(trial.diverged)))
+def best(trials: Sequence[Trial], untuned: Mapping[str, Any]) -> Trial:
+    """The trial of the highest score; of equal ones, that with the fewest diverged seeds.
+
+    Of those, the one that keeps the most of the `untuned` values, because a tie is no reason to leave them; then the
+    first.
+    """
+
+    def merit(trial: Trial) -> tuple[float, int, int]:
+        kept = sum(untuned.get(field) == value for field, value in trial.values.items())
+        return trial.score, -len(trial.diverged), kept
+
+    return max(trials, key=merit)
 
 
 def choose(search: Search, starts: int, records: Sequence[Sequence[Record]]) -> Choice:
@@ -88,7 +97,7 @@ def choose(search: Search, starts: int, records: Sequence[Sequence[Record]]) -> 
     seeds = [record.seed for record in records[0]]
     tuning = Tuning(
         grid=search.grid,
-        chosen=best(trials).values,
+        chosen=best(trials, search.cell.config.model_dump(mode="json")).values,
         criterion=f"mean score of the last evaluation over {starts} validation starts"
         + (f" and {len(seeds)} seeds" if len(seeds) > 1 else ""),
         runs=len(everything),

@@ -70,8 +70,8 @@ CAMERA_LATENCY = Constant(1, "frame", "ours", "a reading is of the picture befor
 CAMERA_DROPOUT = Constant(0.02, "1", "ours", "share of readings in which the colour is not found; the last one is held")
 
 # Safe manipulation. The bowl stands in the far left corner of the workspace, and three cups on an arc before it: one on
-# the diagonal, one on either side. Between two cups the object's centre has a gate of 12 cm; two in five of the straight
-# ways to the bowl from random starts, and the one from the opposite corner, cross a cup.
+# the diagonal, one on either side. Between two cups the object's centre has a gate of 12 cm. Two in five of the
+# straight ways to the bowl from random starts, and the one from the opposite corner, cross a cup.
 BOWL_X = Constant(0.84, "m", "ours", "far, opposite the fixed start's corner")
 BOWL_Y = Constant(0.2, "m", "ours", "left, opposite the fixed start's corner")
 BOWL_RADIUS = Constant(0.07, "m", "ours", "the object's centre must rest inside")

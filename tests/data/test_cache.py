@@ -328,3 +328,22 @@ def test_shards_wanted_twice_are_built_once(tmp_path: Path) -> None:
     request = PartRequest(specification(loaded, loaded.tasks[0], "expert"), 25_000)
     jobs = missing_shards(tmp_path, TINY, [(task.name, request) for task in loaded.tasks])
     assert [job.shard for job in jobs] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda arrays: {name: arrays[name] for name in arrays if name != "actions"}, "it lacks actions"),
+        (lambda arrays: {**arrays, "foo": arrays["rewards"]}, "it has the unknown array foo"),
+        (
+            lambda arrays: {**arrays, "rewards": arrays["actions"]},
+            "rewards is F32 of 2 dimensions, not F32 of 1",
+        ),
+    ],
+)
+def test_a_shard_with_other_arrays_names_them(change: Any, words: str, tmp_path: Path) -> None:
+    episodes = make_episodes([(3, False)])
+    arrays = {name: getattr(episodes, name) for name in ARRAYS}
+    save_file(change(arrays), tmp_path / "shard")
+    with pytest.raises(ValueError, match=words):
+        open_shard(tmp_path / "shard")

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from raw_rows import endings, make_episodes, values, walk
+from scene_suite import REACH
+from scene_suite import SUITE as SCENES
 
-from lfobench.contract.episodes import Episodes
+from lfobench.contract.episodes import Episodes, FloatArray
 from lfobench.contract.method import DataNeeds, Field
 from lfobench.contract.suite import Environment, Task, TrajectoryRecipe
+from lfobench.data.cache import PartCache
 from lfobench.data.generated import record
 from lfobench.data.manifest import manifest
 from lfobench.data.mixing import Mixture, mix
-from lfobench.data.source import TaskData
+from lfobench.data.source import TaskData, load_task
 from lfobench.errors import UserError
-from lfobench.plan.parts import PartSpecification
+from lfobench.plan.parts import PartSpecification, requests
 
 TRIPLE: tuple[Field, ...] = ("observation", "next_observation", "second_next_observation")
 PAIR: tuple[Field, ...] = ("observation", "next_observation")
@@ -94,20 +100,32 @@ def test_offline_rows_hold_nothing_of_the_demonstrations() -> None:
 
 
 class Counting:
-    """Records as many episodes as it is told to, or one fewer."""
+    """Records as many episodes as it is told to, or fewer, or with something wrong in them."""
 
     fingerprint = "counting"
 
-    def __init__(self, short: int = 0) -> None:
-        self.short = short
+    def __init__(self, short: int = 0, **wrong: Any) -> None:
+        self.short, self.wrong = short, wrong
 
     def record(self, episodes: int, generator: np.random.Generator) -> Episodes:
-        return make_episodes([(int(generator.integers(3, 9)), False) for _ in range(episodes - self.short)])
+        made = make_episodes([(int(generator.integers(3, 9)), False) for _ in range(episodes - self.short)])
+        made = replace(made, actions=np.zeros((made.transitions, 2), np.float32))
+        return replace(made, **{name: change(getattr(made, name)) for name, change in self.wrong.items()})
+
+
+def with_first(value: float) -> Callable[[FloatArray], FloatArray]:
+    """A change of an array's very first entry."""
+
+    def change(array: FloatArray) -> FloatArray:
+        array = array.copy()
+        array.reshape(-1)[0] = value
+        return array
+
+    return change
 
 
 def specification(episodes: int = 4, operator: str = "counting") -> PartSpecification:
-    environment = Environment("reach", "Reach-v0", 9, 0.0, 1.0, {"score": "touch"})
-    return PartSpecification(environment, "expert", operator, (("mujoco", "1"),), 0, episodes=episodes)
+    return PartSpecification(REACH, "expert", operator, (("mujoco", "1"),), 0, episodes=episodes)
 
 
 def test_a_recording_is_a_function_of_its_specification() -> None:
@@ -118,7 +136,7 @@ def test_a_recording_is_a_function_of_its_specification() -> None:
 
 def test_a_recording_is_shared_by_tasks_that_only_score_differently() -> None:
     one = specification()
-    other = replace(one, environment=replace(one.environment, id="Reach-v1", arguments={"score": "hit"}))
+    other = replace(one, environment=replace(one.environment, id="Reach-v1", arguments={"puck": True}))
     assert one.hash == other.hash
     assert one.hash != specification(5).hash
 
@@ -126,6 +144,50 @@ def test_a_recording_is_shared_by_tasks_that_only_score_differently() -> None:
 def test_an_operator_that_records_too_little_is_named() -> None:
     with pytest.raises(ValueError, match="asked for 4 episodes and recorded 3"):
         record(specification(), Counting(short=1))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"observations": lambda rows: rows[:, :1]}, r"observations has rows of shape \(1,\); those of .* \(2,\)"),
+        ({"actions": lambda rows: np.repeat(rows, 2, 1)}, r"actions has rows of shape \(4,\)"),
+        ({"observations": with_first(np.nan)}, "observations has a value that is not a finite number"),
+        ({"rewards": with_first(np.inf)}, "rewards has a value that is not a finite number"),
+        ({"actions": with_first(np.nan)}, r"actions has a value that is not a number in \[-1, 1\]"),
+        ({"actions": with_first(1.5)}, r"actions has a value that is not a number in \[-1, 1\]"),
+    ],
+)
+def test_a_recording_that_its_environment_would_not_make_is_refused(wrong: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        record(specification(), Counting(**wrong))
+
+
+def test_parts_without_actions_are_known_before_anything_is_trained(tmp_path: Path, shared_cache: Path) -> None:
+    def nothing(rows: FloatArray) -> FloatArray:
+        return np.full_like(rows, np.nan)
+
+    operator = Counting(actions=nothing)
+    assert np.isnan(record(specification(), operator).actions).all()
+    silent = replace(SCENES, demonstrator=lambda environment, level: operator)
+    for request in requests(silent, silent.tasks[0], silent.tasks[0].recipe):
+        PartCache(tmp_path, request.specification).write(0, record(request.specification, operator))
+    with pytest.raises(UserError, match="The random part of reach-few was recorded without actions"):
+        load_task(tmp_path, silent, silent.tasks[0], silent.tasks[0].recipe, "build")
+
+
+@given(endings(2), endings(2), st.sampled_from([PAIR, TRIPLE]))
+def test_every_method_sees_the_same_standardised_observations(
+    offline: Ends, expert: Ends, fields: tuple[Field, ...]
+) -> None:
+    """By the moments of the offline rows, whatever the method declares."""
+    needs = DataNeeds(offline=fields, expert=fields)
+    made = make_episodes(offline), make_episodes(expert, start=5_000)
+    found = mix(*made, replace(recipe(), standardize=True), needs, 6)
+    plain = mix(*made, recipe(), needs, 6)
+    drawn = plain.observations[plain.offline.observation].astype(np.float64)
+    np.testing.assert_allclose(found.transform.shift, drawn.mean(0), rtol=1e-5)
+    np.testing.assert_allclose(found.transform.scale, drawn.std(0), rtol=1e-4, atol=1e-9)
+    np.testing.assert_array_equal(found.observations, found.transform(plain.observations))
 
 
 def test_the_manifest_says_what_is_observed() -> None:

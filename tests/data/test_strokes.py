@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pytest
 import scene_suite
 from scene_suite import SUITE
 
@@ -14,8 +15,8 @@ from lfobench.data.source import TaskData
 from lfobench.data.strokes import demonstrated_strokes
 
 
-def strokes(transitions: int | None) -> tuple[TaskData, list[np.ndarray]]:
-    recipe = TrajectoryRecipe("random", 2, "expert", 3, expert_transitions=transitions)
+def strokes(transitions: int | None, standardize: bool = False) -> tuple[TaskData, list[np.ndarray]]:
+    recipe = TrajectoryRecipe("random", 2, "expert", 3, expert_transitions=transitions, standardize=standardize)
     task = replace(SUITE.tasks[0], recipe=recipe)
     offline, expert = (
         scene_suite.Hand("strike", level).record(count, np.random.default_rng(seed))
@@ -25,8 +26,10 @@ def strokes(transitions: int | None) -> tuple[TaskData, list[np.ndarray]]:
     return data, demonstrated_strokes(data, slice(0, 2))
 
 
-def test_a_trajectory_is_one_line_through_all_its_observations() -> None:
-    data, found = strokes(None)
+@pytest.mark.parametrize("standardize", [False, True])
+def test_a_trajectory_is_one_line_through_all_its_observations(standardize: bool) -> None:
+    """In the simulator's units, whatever methods are shown."""
+    data, found = strokes(None, standardize)
     expert = data.expert
     assert len(found) == 3
     for line, first, length in zip(found, expert.first_observation, expert.lengths, strict=True):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from helpers_engine import finish, make_job, records_of, smoke_cell
+from helpers_engine import Drifting, finish, make_job, records_of, smoke_cell
 from scene_suite import ALONE, REACH, around
 from torch import Tensor
 
@@ -18,6 +18,7 @@ from lfobench.engine.policy import load_policy
 from lfobench.engine.rollout import EpisodeResults, rollout
 from lfobench.engine.simulators import OneByOne, Simulators, Together, simulators
 from lfobench.plan.cells import Cell
+from lfobench.render.counting import successes_of
 from lfobench.store.folder import RecordFolder
 
 SCENES = str(Path(__file__).parents[1] / "scene_suite.py")
@@ -93,6 +94,29 @@ def test_further_starts_change_nothing_else(cell: Cell, tmp_path: Path, shared_c
     assert with_more.evaluations == without.evaluations
     assert without.further is None
     assert "further_episodes" not in without.identity["protocol"]
+
+
+class Late(Drifting):
+    """Answers one of its further starts with nonsense, in its second seed."""
+
+    def act(self, observation: Tensor) -> Tensor:
+        actions = torch.zeros(*observation.shape[:2], 2)
+        if observation.shape[1] == 7 and len(observation) > 1:
+            actions[1, 3] = torch.nan
+        return actions
+
+
+def test_a_policy_that_answers_a_further_start_with_nonsense_has_diverged(
+    cell: Cell, tmp_path: Path, shared_cache: Path
+) -> None:
+    late = replace(cell, method=Late, config=Late.Config(), budget={}, assigned={})
+    job = make_job(late, [0, 1], tmp_path, shared_cache)
+    finish(job)
+    sound, broken = records_of(job)
+    assert (sound.status, broken.status) == ("finished", "diverged")
+    assert (broken.diverged_at, broken.further) == (40, None)
+    assert any("Non-finite values at step 40" in warning.what for warning in broken.warnings)
+    assert successes_of([sound, broken]).pooled.trials == 2 * (2 + 7)
 
 
 def test_starts_of_a_choice_are_not_those_of_the_tests(cell: Cell, tmp_path: Path, shared_cache: Path) -> None:

@@ -33,7 +33,10 @@ def recorded(group: str = "few-trajectories", row: str = "safe-manipulation", **
 def test_recorded_trajectories() -> None:
     assert notes([recorded()])["Source"] == (
         "generated. Offline data: 50 suboptimal trajectories, cut to as many transitions as the expert part. "
-        "Expert data, observations only: 15 expert trajectories."
+        "Expert data, observations only: 15 expert trajectories. No row crosses an end."
+    )
+    assert notes([recorded(standardize=True)])["Source"].endswith(
+        " No row crosses an end. Observations are standardised by the offline data's moments for every method."
     )
 
 
@@ -41,7 +44,7 @@ def test_transitions_in_random_order_and_a_hand_without_actions() -> None:
     found = recorded(expert="hand", expert_transitions=300, expert_actions=False, equal_transitions=False)
     assert notes([found])["Source"] == (
         "generated. Offline data: 50 suboptimal trajectories. Expert data, observations only: "
-        "300 transitions of 15 hand trajectories, in random order, recorded without actions."
+        "300 transitions of 15 hand trajectories, in random order, recorded without actions. No row crosses an end."
     )
 
 
@@ -52,7 +55,8 @@ def test_groups_that_differ_are_told_apart() -> None:
         recorded("20-expert", "puck-striking", expert_trajectories=20),
     ]
     assert notes(records)["Source"].endswith(
-        "observations only: 15 expert trajectories (few-trajectories, fixed-start); 20 expert trajectories (20-expert)."
+        "observations only: 15 expert trajectories (few-trajectories, fixed-start); 20 expert trajectories "
+        "(20-expert). No row crosses an end."
     )
 
 

@@ -20,7 +20,7 @@ from lfobench.plan.planning import Request, make_plan
 from lfobench.plan.tuning import Search, search_of
 from lfobench.store.failures import read_failures, write_failure
 from lfobench.store.folder import RecordFolder
-from lfobench.store.tuning import Choice, TuningFolder, choose, with_choices
+from lfobench.store.tuning import Choice, Trial, TuningFolder, best, choose, with_choices
 
 TUNED = str(Path(__file__).parents[1] / "tuned_suite.py")
 RANDOM, MEDIUM = "pole-random-expert", "pole-medium-expert"
@@ -92,6 +92,14 @@ def test_of_equal_ones_the_first_in_declared_order() -> None:
         "learning_rate": 0.01,
         "hidden": [4],
     }
+
+
+def test_of_equal_ones_the_untuned_values_before_the_first() -> None:
+    level = [Trial(values={"a": value, "b": 0}, scores=[5.0], diverged=[]) for value in (1, 5, 10)]
+    assert best(level, {"a": 5, "b": 1}) is level[1]
+    assert best(level, {"a": 7}) is level[0]
+    better = Trial(values={"a": 1, "b": 0}, scores=[6.0], diverged=[])
+    assert best([*level, better], {"a": 5, "b": 0}) is better
 
 
 def test_a_diverged_trial_counts_0_and_loses_a_tie() -> None:

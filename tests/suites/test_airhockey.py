@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lfobench.contract.suite import Operator, Suite, Task, TrajectoryRecipe
+from lfobench.plan.planning import Request, make_plan
 from lfobench.registry import load_method
 from suites.airhockey import APPENDIX, SUITE
 from suites.robot import constants, register_environments
@@ -54,6 +55,12 @@ def recipe_of(task: Task) -> TrajectoryRecipe:
     return task.recipe
 
 
+def test_a_footnote_claims_no_rule_for_ends_that_recorded_data_does_not_follow() -> None:
+    cells = make_plan(Request("dilo,smodice", "airhockey", "puck-*", protocol="quick"), lambda: False).cells
+    assert all("termination" not in cell.labels.stated for cell in cells)
+    assert {field for cell in cells for field in cell.labels.stated} >= {"tau", "conservatism", "divergence"}
+
+
 def test_ten_tasks_in_the_order_of_the_published_table() -> None:
     names = list(dict.fromkeys(f"{row['task']}-{row['dataset']}" for row in published()))
     assert [task.name for task in SUITE.tasks] == names
@@ -77,7 +84,9 @@ def test_the_expert_data_is_counted_as_in_the_paper(suite: Suite, task: Task) ->
     assert (recipe.expert_trajectories, recipe.expert_transitions) == EXPERTS[task.group]
     assert recipe.expert_actions == ("cross-embodiment" not in task.name)
     assert recipe.expert.endswith("-fixed") == (task.group == "fixed-start")
-    assert recipe.offline == "suboptimal"
+    judged = "-touch" if task.group.endswith("touch") else ""
+    assert recipe.offline == f"suboptimal{judged}"
+    assert recipe.expert.endswith("-touch") == bool(judged)
     assert recipe.equal_transitions == (suite is SUITE)
     if suite is APPENDIX:
         assert recipe.offline_trajectories == 50

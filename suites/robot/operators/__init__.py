@@ -39,8 +39,11 @@ def operators() -> dict[str, dict[Level, Scripted]]:
         "puck-striking": {"expert": SingleStrike(), "suboptimal": VagueSwings()},
         "dynamic-hitting": {
             "expert": Hitting(),
+            "expert-touch": Hitting(score="touch"),
             "expert-repeated": Hitting(single=SINGLE_HITS),
+            "expert-repeated-touch": Hitting(single=SINGLE_HITS, score="touch"),
             "suboptimal": Dodging(),
+            "suboptimal-touch": Dodging(score="touch"),
         },
     }
 

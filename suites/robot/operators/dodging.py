@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from suites.robot.operators.hand import QUICK_HAND, Person, minimum_jerk
 from suites.robot.operators.journeys import PERIOD
 from suites.robot.operators.places import around, choose, folded
 from suites.robot.operators.reacting import Reacting
-from suites.robot.operators.recording import Recording, Take
+from suites.robot.operators.recording import Recording, Take, scored
 from suites.robot.operators.scripted import Scripted
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW
 from suites.robot.simulation import Simulation
@@ -36,6 +37,7 @@ class Dodging(Scripted):
         haste: smallest and largest factor on a stroke's duration.
         careless: probability that a movement is made, and carried through, without a thought of the puck.
         thoughts: places that are weighed before every other movement.
+        score: what counts as a success of somebody who does not try.
     """
 
     person: Person = QUICK_HAND
@@ -50,9 +52,10 @@ class Dodging(Scripted):
     haste: tuple[float, float] = (1.0, 2.6)
     careless: float = 0.2
     thoughts: int = 12
+    score: Literal["touch", "hit"] = "hit"
 
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """That many episodes; the rules of a hit decide which of them succeed."""
+        """That many episodes."""
         draws = Draws(generator, episodes)
         lengths = np.rint(draws.uniform(*self.seconds) / PERIOD).astype(np.int64)
         limit = int(lengths.max())
@@ -62,7 +65,7 @@ class Dodging(Scripted):
         for _ in range(limit):
             action = mover.act()
             result = simulation.step(action)
-            recording.add(action, result.observation, result.outcome)
+            recording.add(action, result.observation, scored(result.outcome, simulation.touched, self.score))
         return recording.stopped(lengths)
 
 

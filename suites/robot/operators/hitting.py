@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from suites.robot.operators.foresight import crossing
 from suites.robot.operators.hand import QUICK_HAND, Person
 from suites.robot.operators.journeys import PERIOD
 from suites.robot.operators.reacting import Reacting
-from suites.robot.operators.recording import Recording, Take
+from suites.robot.operators.recording import Recording, Take, scored
 from suites.robot.operators.scripted import Scripted
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW
 from suites.robot.simulation import Simulation
@@ -80,14 +81,16 @@ class Hitting(Scripted):
             gets past or 2000 steps are made.
         person: how the hand moves.
         skill: how it is used.
+        score: what counts as a success; the hand plays to hit either way.
     """
 
     single: int | None = None
     person: Person = QUICK_HAND
     skill: Skill = SKILL
+    score: Literal["touch", "hit"] = "hit"
 
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """That many episodes; the rules of a hit decide which of them succeed."""
+        """That many episodes; the rules of a hit decide when one of them stops."""
         draws = Draws(generator, episodes)
         once = np.arange(episodes) < (episodes if self.single is None else self.single)
         limit = SINGLE_LIMIT if self.single is None else REPEATED_LIMIT
@@ -100,7 +103,7 @@ class Hitting(Scripted):
         for step in range(1, limit + 1):
             action = player.act()
             result = simulation.step(action)
-            recording.add(action, result.observation, result.outcome)
+            recording.add(action, result.observation, scored(result.outcome, simulation.touched, self.score))
             ends = ~over & (player.past() | (once & result.outcome.astype(np.bool_)))
             last[ends] = np.minimum(last[ends], step + linger[ends])
             over |= ends

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from statistics import NormalDist
 
 import numpy as np
+from scipy.stats import binomtest
 
 from suites.robot.operators import SINGLE_HITS, operators
 from suites.robot.operators.recording import SUCCESS
@@ -18,26 +17,18 @@ SHARE_OF_REPEATED = 10
 """A recording of repeated hits takes ten times as long as another, so one in ten is made."""
 
 
-def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Interval of a success rate (Wilson 1927)."""
-    z = NormalDist().inv_cdf(0.5 + confidence / 2.0)
-    rate, share = successes / trials, z * z / trials
-    middle = (rate + share / 2.0) / (1.0 + share)
-    half = z / (1.0 + share) * math.sqrt(rate * (1.0 - rate) / trials + share / (4.0 * trials))
-    return middle - half, middle + half
-
-
 def lines(episodes: int, seed: int) -> Iterator[str]:
     """A table: a heading and a line per operator."""
     yield f"{'environment':36}{'level':17}{'episodes':>8}{'success %':>11}{'95 % interval':>16}{'steps':>8}  failures"
     for environment, levels in operators().items():
         for level, operator in levels.items():
-            repeated = level.endswith("repeated")
+            repeated = "repeated" in level
             count = SINGLE_HITS + episodes // SHARE_OF_REPEATED if repeated else episodes
             take = operator.perform(count, np.random.default_rng(seed))
             outcomes = Counter(take.outcomes.tolist())
             successes = outcomes.pop(SUCCESS, 0)
-            interval = " to ".join(f"{100 * bound:.1f}" for bound in wilson(successes, count))
+            bounds = binomtest(successes, count).proportion_ci(method="wilson")
+            interval = f"{100 * bounds.low:.1f} to {100 * bounds.high:.1f}"
             failures = ", ".join(f"{outcome or 'no end'} {number}" for outcome, number in outcomes.most_common())
             yield (
                 f"{environment:36}{level:17}{count:8}{100 * successes / count:11.1f}{interval:>16}"

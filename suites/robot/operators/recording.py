@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,15 @@ from suites.robot.operators.draws import Integers
 
 Names = NDArray[np.object_]
 SUCCESS = outcomes.NAMES[outcomes.SUCCESS]
+
+
+def scored(outcome: Names, touched: NDArray[np.bool_], score: Literal["touch", "hit"]) -> Names:
+    """Outcomes ``[n]`` under the rules of a hit, as the task's own score has them: a touch may be enough."""
+    if score == "hit":
+        return outcome
+    told = outcome.copy()
+    told[touched] = SUCCESS
+    return told
 
 
 class Recording:
