@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor, nn
@@ -65,6 +66,10 @@ def assert_same(module: nn.Module, row: Tensor, moments: Tensor, learning_rate: 
 
 @pytest.mark.parametrize("name", WORKLOADS)
 def test_steps_are_finite_and_change_every_network(name: str) -> None:
+    # The loops draw from the ordinary generators. A batch without a terminal row leaves SMODICE's last bias, whose
+    # gradient then cancels, where it was.
+    np.random.seed(0)
+    torch.manual_seed(0)
     loop = WORKLOADS[name].authors(HOST, SHAPE, ROWS, CPU)
     before = copy.deepcopy(loop.modules())
     for _ in range(4):
