@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 
-import numpy as np
 import pytest
 import torch
 from torch import Tensor, nn
@@ -66,18 +65,17 @@ def assert_same(module: nn.Module, row: Tensor, moments: Tensor, learning_rate: 
 
 @pytest.mark.parametrize("name", WORKLOADS)
 def test_steps_are_finite_and_change_every_network(name: str) -> None:
-    # The loops draw from the ordinary generators. A batch without a terminal row leaves SMODICE's last bias, whose
-    # gradient then cancels, where it was.
-    np.random.seed(0)
-    torch.manual_seed(0)
     loop = WORKLOADS[name].authors(HOST, SHAPE, ROWS, CPU)
     before = copy.deepcopy(loop.modules())
     for _ in range(4):
         assert all(abs(value) < 1e6 for value in loop.step().values())
     for network, module in loop.modules().items():
-        for old, new in zip(before[network].parameters(), module.parameters(), strict=True):
+        for (parameter, old), new in zip(before[network].named_parameters(), module.parameters(), strict=True):
             assert torch.isfinite(new).all()
-            assert not torch.equal(old, new)
+            # SMODICE's V may be shifted by any constant where no row is terminal: its last bias has the gradient
+            # (1 - gamma) - (1 - gamma), and whether it moves is a matter of rounding.
+            if (name, network, parameter) != ("smodice", "value", "4.bias"):
+                assert not torch.equal(old, new)
 
 
 @pytest.mark.parametrize("name", WORKLOADS)
