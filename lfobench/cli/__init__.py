@@ -7,7 +7,22 @@ import sys
 
 import typer
 
-from lfobench.cli import audit, bench, compare, data, plan_seeds, plot, records, report, run, show, table, tune, video
+from lfobench.cli import (
+    audit,
+    bench,
+    compare,
+    data,
+    ls,
+    plan_seeds,
+    plot,
+    records,
+    report,
+    run,
+    show,
+    table,
+    tune,
+    video,
+)
 from lfobench.cli.console import errors, one_line
 from lfobench.errors import UserError
 
@@ -20,7 +35,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command(name="ls")(show.list_names)
+app.command(name="ls")(ls.list_names)
 app.command(name="show")(show.show)
 app.add_typer(data.app, name="data")
 app.command(name="run")(run.run)

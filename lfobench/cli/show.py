@@ -1,9 +1,8 @@
-"""``lfobench ls`` and ``lfobench show``: what there is, and what one thing is."""
+"""``lfobench show``: what one thing is."""
 
 from __future__ import annotations
 
 import json
-from enum import StrEnum
 from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -11,6 +10,7 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import output, print_json
+from lfobench.cli.ls import Kind, first_line, list_names
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
@@ -18,96 +18,6 @@ if TYPE_CHECKING:
     from lfobench.contract.method import Method
     from lfobench.contract.suite import Task
     from lfobench.plan.protocol import Protocol
-
-
-class Kind(StrEnum):
-    """What ``ls`` lists."""
-
-    methods = "methods"
-    suites = "suites"
-    tasks = "tasks"
-    protocols = "protocols"
-
-
-def list_names(
-    kind: Annotated[Kind, typer.Argument(help="methods, suites, tasks or protocols.")],
-    suite: options.SuiteName = options.DEFAULT_SUITE,
-    as_json: options.Json = False,
-) -> None:
-    """List what is registered, built in or from other packages.
-
-    Example: lfobench ls tasks --suite locomotion
-    """
-    from rich.markup import escape
-    from rich.table import Table
-
-    rows = {
-        Kind.methods: _methods,
-        Kind.suites: _suites,
-        Kind.tasks: lambda: _tasks(suite),
-        Kind.protocols: _protocols,
-    }[kind]()
-    if as_json:
-        print_json(rows)
-        return
-    table = Table()
-    for column, header in enumerate(rows[0]):
-        longest = max(len(str(row[header])) for row in rows)
-        table.add_column(header, no_wrap=column == 0 and 2 * longest < output.width, overflow="fold")
-    for row in rows:
-        table.add_row(*(escape(str(value)) for value in row.values()))
-    output.print(table)
-
-
-def _methods() -> list[dict[str, Any]]:
-    from lfobench.registry import method_names
-
-    return [_method_row(name) for name in method_names()]
-
-
-def _method_row(name: str) -> dict[str, Any]:
-    from lfobench.errors import UserError
-    from lfobench.registry import load_method
-
-    try:
-        method = load_method(name)
-    except UserError as error:
-        # Somebody's broken package must not take the list along.
-        return {"name": name, "expert actions": "", "presets": "", "summary": str(error)}
-    return {
-        "name": name,
-        "expert actions": "yes" if method.access_to_expert_actions else "no",
-        "presets": ", ".join(method.presets),
-        "summary": _first_line(method),
-    }
-
-
-def _suites() -> list[dict[str, Any]]:
-    from lfobench.registry import load_suite, suite_names
-
-    suites = [load_suite(name) for name in suite_names()]
-    return [{"name": suite.name, "tasks": len(suite.tasks), "summary": suite.summary} for suite in suites]
-
-
-def _tasks(suite: str) -> list[dict[str, Any]]:
-    from lfobench.registry import load_suite
-
-    return [
-        {
-            "name": task.name,
-            "environment": task.environment.id.rpartition(":")[2],
-            "offline": task.recipe.words[0],
-            "expert": task.recipe.words[1],
-            "paper steps": f"{task.paper_steps:,}",
-        }
-        for task in load_suite(suite).tasks
-    ]
-
-
-def _protocols() -> list[dict[str, Any]]:
-    from lfobench.plan.protocol import PROTOCOLS
-
-    return [{"name": protocol.name, "summary": protocol.summary} for protocol in PROTOCOLS.values()]
 
 
 def show(
@@ -155,7 +65,7 @@ def _show_method(method: type[Method], as_json: bool) -> None:
     if as_json:
         print_json({"method": method.name, "fields": rows, "descriptions": descriptions})
         return
-    output.print(f"[bold]{method.name}[/] (version {method.version}): {escape(_first_line(method))}", soft_wrap=True)
+    output.print(f"[bold]{method.name}[/] (version {method.version}): {escape(first_line(method))}", soft_wrap=True)
     table = Table(caption="The presets, then what a protocol changes for its budget. Bold: the presets differ.")
     # What a field takes stands with its description below: here it would squeeze the numbers.
     headers = [header for header in rows[0] if header != "takes"]
@@ -251,7 +161,3 @@ def _show_fields(protocol: Protocol, as_json: bool) -> None:
         return
     for name, value in fields.items():
         output.print(f"{name:24} {'from the task' if value is None else value}")
-
-
-def _first_line(described: type) -> str:
-    return next(iter((described.__doc__ or "").strip().splitlines()), "")

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-import importlib
-import json
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from lfobench.contract.episodes import Episodes
-from lfobench.contract.episodes import FloatArray as FloatArray
+from lfobench.contract.environment import Environment
+from lfobench.contract.episodes import Episodes, FloatArray
+from lfobench.contract.recipe import Level, Recipe, TrajectoryRecipe
 from lfobench.contract.scene import Scene
 
-if TYPE_CHECKING:
-    import gymnasium
-
-Level = str
-"""How well a part of the data was made, in the suite's own words: ``random``, ``medium``, ``expert``, …"""
+__all__ = [
+    "Budget",
+    "Demonstrator",
+    "Environment",
+    "FloatArray",
+    "Level",
+    "Operator",
+    "Recipe",
+    "Settings",
+    "Suite",
+    "Task",
+    "TrajectoryRecipe",
+]
 
 
 class Demonstrator(Protocol):
@@ -47,140 +53,6 @@ class Operator(Protocol):
     def record(self, episodes: int, generator: np.random.Generator) -> Episodes:
         """That many episodes. Where nothing was commanded (a hand-held object), their actions are NaN."""
         ...
-
-
-@dataclass(frozen=True)
-class Environment:
-    """A simulator task and the two returns that define its normalised score.
-
-    Attributes:
-        name: the field's short name, e.g. ``hopper``.
-        id: the Gymnasium id that is built, e.g. ``Hopper-v5``, with the module that registers it before a colon where
-            Gymnasium does not know it by itself; every record names it.
-        horizon: steps after which an episode is cut (truncated).
-        random_return: return that scores 0.
-        expert_return: return that scores 100.
-        arguments: keyword arguments of ``gymnasium.make``.
-    """
-
-    name: str
-    id: str
-    horizon: int
-    random_return: float
-    expert_return: float
-    arguments: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.horizon < 1:
-            raise ValueError(f"environment '{self.name}' has horizon {self.horizon}; it must be at least 1")
-        if not (math.isfinite(self.random_return) and math.isfinite(self.expert_return)):
-            raise ValueError(f"environment '{self.name}' has a reference return that is not finite")
-        if self.random_return == self.expert_return:
-            raise ValueError(f"environment '{self.name}' has two equal reference returns, so no score")
-        try:
-            json.dumps(dict(self.arguments), allow_nan=False)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"environment '{self.name}' has arguments that are not plain JSON: {error}") from error
-
-    def make(self) -> gymnasium.Env[Any, Any]:
-        """A fresh environment, cut at `horizon`."""
-        import gymnasium
-
-        return gymnasium.make(self.id, max_episode_steps=self.horizon, **self.arguments)
-
-    def make_many(self, count: int) -> gymnasium.vector.VectorEnv[Any, Any, Any] | None:
-        """`count` environments that step together, each cut at `horizon`; None where the simulator has no such form."""
-        import gymnasium
-
-        module, _, name = self.id.rpartition(":")
-        if module:
-            importlib.import_module(module)  # which registers it, as `gymnasium.make` has it do
-        if gymnasium.spec(name).vector_entry_point is None:
-            return None
-        return gymnasium.make_vec(
-            name,
-            num_envs=count,
-            vectorization_mode=gymnasium.VectorizeMode.VECTOR_ENTRY_POINT,
-            max_episode_steps=self.horizon,
-            **self.arguments,
-        )
-
-    def normalized_score(self, episode_return: float) -> float:
-        """Score ``100 (return - random) / (expert - random)`` (methods.md 5.1; D4RL's definition)."""
-        return 100.0 * (episode_return - self.random_return) / (self.expert_return - self.random_return)
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """How a task's data is mixed (methods.md 2.3 and 2.4).
-
-    Attributes:
-        offline: level of the policy behind the poor part of the offline data.
-        offline_transitions: raw transitions of that part.
-        expert: level of the policy behind the expert part.
-        expert_trajectories: K, trajectories of the expert part mixed into the offline data, with actions.
-        demonstration_rows: rows of the expert part that form the one expert observation trajectory.
-    """
-
-    offline: Level
-    offline_transitions: int
-    expert: Level
-    expert_trajectories: int
-    demonstration_rows: int
-
-    def __post_init__(self) -> None:
-        for name, least in (("offline_transitions", 1), ("expert_trajectories", 0), ("demonstration_rows", 1)):
-            if getattr(self, name) < least:
-                raise ValueError(f"a recipe's {name} is {getattr(self, name)}; it must be at least {least}")
-
-    @property
-    def words(self) -> tuple[str, str]:
-        """The offline part, and what of the expert joins it."""
-        offline = f"{self.offline_transitions:,} {self.offline} transitions"
-        return offline, f"{self.expert_trajectories} {self.expert} trajectories"
-
-
-@dataclass(frozen=True)
-class TrajectoryRecipe:
-    """Data counted in recorded trajectories; none of the expert part joins the offline part (methods.md 7).
-
-    Every boundary is exact: the quirks of the D4RL readers belong to other data.
-
-    Attributes:
-        offline: level of the operator behind the offline data.
-        offline_trajectories: recorded for that part.
-        expert: level of the operator behind the demonstrations.
-        expert_trajectories: recorded; all of them are observed.
-        expert_transitions: where given, only this many (s, s', s'') of them are, drawn uniformly and in random order.
-        expert_actions: whether the demonstrations have actions at all; a tracked hand has none.
-        equal_transitions: cut the offline part to as many transitions as the recorded expert part has.
-        standardize: shift and scale observations by the offline part's mean and standard deviation for every method,
-            whatever it declares: in metres, a step is a hundredth of what networks are used to.
-    """
-
-    offline: Level
-    offline_trajectories: int
-    expert: Level
-    expert_trajectories: int
-    expert_transitions: int | None = None
-    expert_actions: bool = True
-    equal_transitions: bool = False
-    standardize: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("offline_trajectories", "expert_trajectories", "expert_transitions"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise ValueError(f"a recipe's {name} is {value}; it must be at least 1")
-
-    @property
-    def words(self) -> tuple[str, str]:
-        """The offline part, and what of the expert is observed."""
-        sample = "" if self.expert_transitions is None else f"{self.expert_transitions} transitions of "
-        return (
-            f"{self.offline_trajectories} {self.offline} trajectories",
-            f"{sample}{self.expert_trajectories} {self.expert} trajectories",
-        )
 
 
 @dataclass(frozen=True)

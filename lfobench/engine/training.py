@@ -7,7 +7,6 @@ from its last checkpoint.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,15 +18,15 @@ from torch import Tensor
 
 from lfobench.contract.method import Method, Stage
 from lfobench.contract.randomness import Randomness
-from lfobench.contract.record import Evaluation, Metrics, Warning, content_hash
+from lfobench.contract.record import Evaluation, Warning, content_hash
 from lfobench.data.firewall import View
 from lfobench.engine import checkpoint
 from lfobench.engine.checkpoint import Progress
 from lfobench.engine.evaluation import Evaluator, fixed_starts, further_starts
 from lfobench.engine.evaluation_workers import EvaluationWorkers
+from lfobench.engine.noting import mark_diverged, note_evaluation, note_further, note_metrics
 from lfobench.engine.precision import precision_warnings
 from lfobench.engine.program import Program, recorder_for
-from lfobench.engine.rollout import EpisodeResults
 from lfobench.engine.sampling import check_tables
 from lfobench.errors import UserError
 from lfobench.plan.cells import Cell
@@ -174,7 +173,7 @@ class Trainer:
         step = self.progress.step
         started = time.perf_counter()
         self._write_metrics(program)
-        self._mark_diverged(step)
+        mark_diverged(self.progress, step, self.method.state())
         # Reading the metrics waited for the device, which was training until then.
         self.progress.seconds["train"] += time.perf_counter() - started
         if self._beside is not None:
@@ -183,7 +182,7 @@ class Trainer:
             self._beside.submit(step, self.method.state())
             return
         started = time.perf_counter()
-        self._note(step, self._evaluator.evaluate(self.method, self._device))
+        note_evaluation(self.progress, step, self._evaluator.evaluate(self.method, self._device))
         self.progress.seconds["evaluate"] += time.perf_counter() - started
 
     def further(self) -> list[Evaluation | None]:
@@ -203,58 +202,25 @@ class Trainer:
         finally:
             evaluator.close()
         self.progress.seconds["evaluate"] += time.perf_counter() - started
-        step = cell.protocol.steps_for(cell.task)
-        for index, finite in enumerate(results.finite):
-            if not finite and self.progress.diverged_at[index] is None:
-                self.progress.diverged_at[index] = step
-        return [
-            _evaluation(step, results, index) if where is None else None
-            for index, where in enumerate(self.progress.diverged_at)
-        ]
+        return note_further(self.progress, cell.protocol.steps_for(cell.task), results)
 
     def _settle(self, wait: bool) -> None:
         """Note the evaluations that workers have finished, or `wait` for all of them."""
         while self._beside is not None and self._beside.pending and (wait or self._beside.ready()):
             evaluated = self._beside.collect()
             self.progress.seconds["evaluate"] += evaluated.seconds
-            self._note(evaluated.step, evaluated.results)
-
-    def _note(self, step: int, results: EpisodeResults) -> None:
-        for index, rows in enumerate(self.progress.evaluations):
-            diverged_at = self.progress.diverged_at[index]
-            if diverged_at is not None and diverged_at <= step:
-                continue
-            if not results.finite[index]:
-                self.progress.diverged_at[index] = step
-                continue
-            rows.append(_evaluation(step, results, index))
+            note_evaluation(self.progress, evaluated.step, evaluated.results)
 
     def _write_metrics(self, program: Program) -> None:
         """Turn the sums since the last row into one row of means per seed."""
-        every = self._cell.protocol.evaluation_every
         sums = program.metric_sums()
         if not sums:
             return
         stage = self._stages[self.progress.stage]
-        step = self.progress.step
+        step, every = self.progress.step, self._cell.protocol.evaluation_every
         count = step if stage.steps is not None else (step % every or every)
-        means = {name: (total.double() / count).tolist() for name, total in sums.items()}
-        for index, rows in enumerate(self.progress.metrics):
-            values = {name: _finite(per_seed[index]) for name, per_seed in means.items()}
-            rows.append(Metrics(stage=stage.name, step=step, values=values))
+        note_metrics(self.progress, stage.name, sums, count)
         program.clear_metrics()
-
-    def _mark_diverged(self, step: int) -> None:
-        """A seed whose state or latest metrics are not finite is diverged; the others go on."""
-        finite = torch.ones(len(self._seeds), dtype=torch.bool, device=self._device)
-        for tensor in self.method.state().values():
-            if tensor.dim() > 0:
-                finite &= torch.isfinite(tensor).reshape(len(self._seeds), -1).all(-1)
-        for index, seed_is_finite in enumerate(finite.tolist()):
-            rows = self.progress.metrics[index]
-            metrics_are_finite = not rows or None not in rows[-1].values.values()
-            if self.progress.diverged_at[index] is None and not (seed_is_finite and metrics_are_finite):
-                self.progress.diverged_at[index] = step
 
     def _advance(self, stage: Stage) -> Advance:
         lengths = [self.steps_of(stage) for stage in self._stages]
@@ -279,16 +245,3 @@ class Trainer:
         if resumed := checkpoint.load(self._path, self._job, self.method.state()):
             self.progress, sums = resumed
             self._resumed_sums = {name.removeprefix(METRIC_PREFIX): total for name, total in sums.items()}
-
-
-def _evaluation(step: int, results: EpisodeResults, seed: int) -> Evaluation:
-    return Evaluation(
-        step=step,
-        returns=results.returns[seed].tolist(),
-        lengths=results.lengths[seed].tolist(),
-        outcomes=None if results.outcomes is None else results.outcomes[seed],
-    )
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

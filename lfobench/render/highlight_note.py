@@ -42,6 +42,7 @@ def highlight_notes(table: Table) -> Iterator[Note]:
     for outcome, said in (
         ("untested", f"Not tested for want of a second {_unit(rule.test)}, both highlighted"),
         ("unopposed", "Nothing to compare, nothing highlighted"),
+        ("all failed", "No success at all, nothing highlighted"),
     ):
         if concerned := [row for row in rows if row.outcome == outcome]:
             text += f". {said}: {_where(concerned, rows)}"

@@ -21,7 +21,7 @@ from lfobench.stats.sample import Sample, counted
 
 Method = TypeVar("Method", bound=Hashable)
 
-Outcome = Literal["better", "undecided", "untested", "unopposed"]
+Outcome = Literal["better", "undecided", "untested", "unopposed", "all failed"]
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,8 @@ class Highlight(Generic[Method]):
         methods: whose numbers are highlighted.
         outcome: `better`: the best stands out; `undecided`: the test cannot tell the best from the second
             best; `untested`: there was no test, because one of them has fewer than two samples; `unopposed`: fewer
-            than two methods, so nobody won anything and nothing is highlighted.
+            than two methods, so nobody won anything and nothing is highlighted; `all failed`: successes are counted
+            and there is none, so nothing is highlighted.
         best: the methods with the best mean, or success rate; two or more where they tie.
         p: two-sided p-value of best against second best; None where there was no test.
         adjusted_p: `p` corrected for the rows tested: as the rule says, by Holm where it says none.
@@ -92,7 +93,7 @@ def highlights(rows: Sequence[Mapping[Method, Sample]], rule: Rule) -> list[High
     corrected = iter(adjusted(tested, rule.correction))
     by_holm = iter(adjusted(tested, "holm" if rule.correction == "none" else rule.correction))
     return [
-        Highlight(frozenset(), "unopposed", frozenset(row), None, None, False)
+        Highlight(frozenset(), "unopposed" if len(row) < 2 else "all failed", frozenset(row), None, None, False)
         if row_compared is None
         else Highlight(row_compared.level, "untested", row_compared.best, None, None, False)
         if row_compared.p is None
@@ -102,10 +103,13 @@ def highlights(rows: Sequence[Mapping[Method, Sample]], rule: Rule) -> list[High
 
 
 def _compare(row: Mapping[Method, Sample], rule: Rule) -> _Row[Method] | None:
+    """None where nothing can be best: fewer than two methods, or no success counted."""
     if len(row) < 2:
         return None
     means = {method: _merit(sample, rule.test) for method, sample in row.items()}
     first, *others = sorted(row, key=lambda method: -means[method])
+    if rule.test == "fisher" and means[first] == 0.0:
+        return None
     best = [method for method in row if means[method] == means[first]]
     if len(best) > 1:
         among = [p_value(rule.test, row[one], row[two]) for one, two in combinations(best, 2)]

@@ -16,6 +16,7 @@ from lfobench.stats.highlight import DEFAULT_RULE, Highlight, Rule, highlights
 from lfobench.stats.names import Correction, Test
 from lfobench.stats.null import false_highlight_rate
 from lfobench.stats.sample import Sample, sample_of
+from lfobench.stats.successes import Count, pool
 from lfobench.stats.summary import Summary
 
 EVERY_TEST: tuple[Test, ...] = get_args(Test)
@@ -124,6 +125,15 @@ def test_a_method_alone_has_won_nothing() -> None:
     for row in ({}, summarized(dilo=(5, 100, 1))):
         outcome = decide(row)
         assert outcome == Highlight(frozenset(), "unopposed", frozenset(row), None, None, False)
+
+
+def test_nobody_is_best_where_nobody_succeeded() -> None:
+    failed, once = (
+        sample_of([100 * count.rate], successes=pool([count], [count])) for count in (Count(0, 30), Count(1, 30))
+    )
+    outcome = decide({"dilo": failed, "bco": failed}, Rule("fisher"))
+    assert outcome == Highlight(frozenset(), "all failed", frozenset({"dilo", "bco"}), None, None, False)
+    assert decide({"dilo": failed, "bco": once}, Rule("fisher")).outcome == "undecided"
 
 
 def test_all_that_tie_for_second_best_are_compared_with_the_best() -> None:
