@@ -115,7 +115,7 @@ def _choose(
         records = folder.trial_records(search, starts, seeds)
         if records is None:
             continue
-        choice = choose(search, starts, records)
+        choice = choose(search, starts, records, folder.all_trials(search))
         if folder.find(search) != choice:
             folder.write(search, choice)
         choices.append((search, choice))

@@ -43,13 +43,7 @@ class Search:
 
         The choosing itself (seeds, validation starts) is not among it, so a later search takes an earlier one's place.
         """
-        identity = self.cell.identity
-        return {
-            **{field: value for field, value in identity.items() if field not in ("overrides", "set")},
-            "config": {field: value for field, value in identity["config"].items() if field not in self.grid},
-            "protocol": {field: identity["protocol"][field] for field in ("name", "steps")},
-            "grid": self.grid,
-        }
+        return {**_untuned(self.cell.identity, self.grid), "grid": self.grid}
 
     @cached_property
     def hash(self) -> str:
@@ -66,6 +60,15 @@ class Search:
             further_episodes=0,
         )
         return tuple(replace(cell, protocol=once, starts="validation") for cell in self.tried)
+
+    def tried_before(self, trial: Mapping[str, Any]) -> bool:
+        """Whether a trial was made for this choice or an earlier one in its place, by other starts, seeds or values.
+
+        Args:
+            trial: the identity of its record.
+        """
+        fields = {*self.grid, *trial.get("tuned", {})}
+        return _untuned(trial, fields) == _untuned(self.cell.identity, fields)
 
     def chosen(self, tuning: Tuning, kept: Collection[str]) -> Cell:
         """The cell with the chosen values, except in the fields that `kept` names; they stay as they are."""
@@ -168,6 +171,16 @@ def tune_command(request: Request, protocol: str, lacking: Sequence[Search], out
         if method in methods and not any((method, field) in fields for field in settings):
             words += ["--set", assignment]
     return shlex.join(words)
+
+
+def _untuned(identity: Mapping[str, Any], fields: Collection[str]) -> dict[str, Any]:
+    """Of an identity, what holds whatever the values of `fields`, the seed and the starts are."""
+    left_out = ("overrides", "set", "tuned", "starts", "seed")
+    return {
+        **{name: value for name, value in identity.items() if name not in left_out},
+        "config": {field: value for field, value in identity["config"].items() if field not in fields},
+        "protocol": {field: identity["protocol"][field] for field in ("name", "steps")},
+    }
 
 
 def _with_values(cell: Cell, values: Mapping[str, Any]) -> Cell:

@@ -24,7 +24,7 @@ from lfobench.plan.names import parse_assignments, split_names
 from lfobench.plan.planning import Plan, Request
 from lfobench.plan.tuning import Search, search_of, tune_command
 from lfobench.store.explain import differences
-from lfobench.store.folder import SEAL, TUNING, RecordFolder, safe_name
+from lfobench.store.folder import SEAL, TUNING, RecordFolder, read_record, safe_name
 
 CRITERION = Statistic("last")
 """By what trials are compared. Each is evaluated once, when it is trained."""
@@ -77,13 +77,14 @@ def best(trials: Sequence[Trial], untuned: Mapping[str, Any]) -> Trial:
     return max(trials, key=merit)
 
 
-def choose(search: Search, starts: int, records: Sequence[Sequence[Record]]) -> Choice:
+def choose(search: Search, starts: int, records: Sequence[Sequence[Record]], earlier: Sequence[Record] = ()) -> Choice:
     """The choice among a search's combinations.
 
     Args:
         search: the grid.
         starts: validation starts of every trial.
         records: per combination, in the order of `search.tried`, one per seed.
+        earlier: trials of searches that this one follows; whoever looked at them has paid for them too.
     """
     trials = [
         Trial(
@@ -93,7 +94,8 @@ def choose(search: Search, starts: int, records: Sequence[Sequence[Record]]) -> 
         )
         for cell, members in zip(search.tried, records, strict=True)
     ]
-    everything = [record for members in records for record in members]
+    trained = [record for members in records for record in members]
+    everything = list({record.identity_hash: record for record in [*trained, *earlier]}.values())
     seeds = [record.seed for record in records[0]]
     tuning = Tuning(
         grid=search.grid,
@@ -131,6 +133,12 @@ class TuningFolder:
         found = [[self.trials.find(Run(cell, seed)) for seed in seeds] for cell in search.trials(starts)]
         complete = [[record for record in members if record is not None] for members in found]
         return complete if all(len(members) == len(seeds) for members in complete) else None
+
+    def all_trials(self, search: Search) -> list[Record]:
+        """Every trial behind this choice or an earlier one in its place."""
+        cell = self.trials.records / safe_name(search.cell.task.name)
+        found = (read_record(path) for path in sorted(cell.glob(f"{safe_name(search.cell.method.name)}-*.json")))
+        return [record for record in found if isinstance(record, Record) and search.tried_before(record.identity)]
 
     def write(self, search: Search, choice: Choice) -> Path:
         """Store a choice atomically, in the place of an earlier one that holds for the same."""

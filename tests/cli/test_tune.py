@@ -217,7 +217,7 @@ def test_other_seeds_and_starts_take_the_place_of_the_choice(folder: Path, lfobe
     assert outcome.code == 0
     (choice,) = json.loads(outcome.out)
     assert (choice["task"], choice["method"]) == (TASK, "bc")
-    assert choice["tuning"]["runs"] == 4
+    assert choice["tuning"]["runs"] == 2 + 4, "the earlier search's trials are paid for too"
     assert choice["tuning"]["criterion"] == "mean score of the last evaluation over 2 validation starts and 2 seeds"
     assert [len(trial["scores"]) for trial in choice["trials"]] == [2, 2]
     assert choices(folder)["bc"]["seeds"] == [7, 8]

@@ -123,6 +123,21 @@ def test_the_budget_is_counted() -> None:
     assert tuning.criterion == "mean score of the last evaluation over 2 validation starts and 2 seeds"
 
 
+def test_trials_of_an_earlier_search_are_paid_for_too(tmp_path: Path) -> None:
+    found, folder = search(), TuningFolder(tmp_path)
+    first = [[trial(Run(cell, 1), 9.0, steps=10)] for cell in found.trials(2)]
+    more_starts = [[trial(Run(cell, 1), 9.0, steps=100)] for cell in found.trials(5)]
+    another_field = Run(replace(found.cell, tuned={"hidden": [4]}, starts="validation"), 1)
+    another_task = Run(search(MEDIUM).trials(2)[0], 1)
+    for record in [record for members in [*first, *more_starts] for record in members]:
+        cells = {Run(cell, 1).identity_hash: Run(cell, 1) for cell in [*found.trials(2), *found.trials(5)]}
+        folder.trials.write(cells[record.identity_hash], record)
+    for run in (another_field, another_task):
+        folder.trials.write(run, trial(run, 9.0, steps=1000))
+    tuning = choose(found, 5, more_starts, folder.all_trials(found)).tuning
+    assert (tuning.runs, tuning.steps) == (5, 2 * 100 + 2 * 10 + 1000)
+
+
 # --- on disk ---------------------------------------------------------------------------------------------------------
 
 
