@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 DEMO := demo
 REPORT := report.html
 
-.PHONY: setup demo test check bench report format clean
+.PHONY: setup demo test check bench fuzz report format clean
 
 setup: $(VENV)/.ok  ## Create .venv with the versions tested together.
 
@@ -35,6 +35,9 @@ check: setup  ## Lint and types.
 
 bench: setup  ## Speed: against the authors' loops, the machine's floor and the targets.
 	$(BIN)/lfobench bench
+
+fuzz: setup  ## Ten thousand damaged data files: none may crash a reader, or pass in another shape.
+	$(BIN)/python tests/data/readers/fuzzing.py 10000
 
 report: setup  ## The reference records as one page: verdict, table with its four knobs, curves, provenance.
 	$(BIN)/lfobench report --out results/reference/locomotion-quick --to $(REPORT)

@@ -19,7 +19,8 @@ class Episodes:
     """Episodes laid end to end.
 
     Attributes:
-        observations: ``[N + E, obs]``; every episode of T steps owns T + 1 consecutive rows.
+        observations: ``[N + E, obs]``; every episode of T steps owns T + 1 consecutive rows, the last of them NaN
+            where nobody wrote down in which observation it ended.
         actions: ``[N, act]``.
         rewards: ``[N]``; for returns and manifests, no method ever sees them.
         lengths: ``[E]`` steps per episode.
@@ -60,6 +61,24 @@ class Episodes:
     def first_observation(self) -> IntArray:
         """``[E]`` index of every episode's first observation."""
         return self.first_transition + np.arange(len(self.lengths))
+
+    @cached_property
+    def last_observation(self) -> IntArray:
+        """``[E]`` index of the observation that every episode ends in."""
+        return self.first_observation + self.lengths
+
+    @cached_property
+    def unknown_ends(self) -> BoolArray:
+        """``[E]``; True where the observation that an episode ends in is not known."""
+        unknown: BoolArray = np.isnan(self.observations[self.last_observation]).all(axis=1)
+        return unknown
+
+    @cached_property
+    def known(self) -> BoolArray:
+        """``[N + E]``; False for the last observation of an episode where it is not known."""
+        known = np.ones(len(self.observations), np.bool_)
+        known[self.last_observation[self.unknown_ends]] = False
+        return known
 
     @cached_property
     def observation_of_transition(self) -> IntArray:

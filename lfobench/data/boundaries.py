@@ -134,27 +134,24 @@ def released_triples(transitions: Rows) -> Rows:
 
 
 def exact_transitions(episodes: Episodes) -> Rows:
-    """Every step with its true successor."""
-    observation = episodes.observation_of_transition
-    return Rows(
-        observation,
-        np.arange(episodes.transitions),
-        observation + 1,
-        None,
-        episodes.terminal_transition,
-        episodes.transitions,
-    )
+    """Every step with its true successor, where that is known."""
+    row = np.flatnonzero(episodes.known[episodes.observation_of_transition + 1])
+    observation = episodes.observation_of_transition[row]
+    return Rows(observation, row, observation + 1, None, episodes.terminal_transition[row], len(row))
 
 
 def triples_within(episodes: Episodes) -> Rows:
-    """Every three successive observations of one episode."""
+    """Every three successive observations of one episode that are known."""
     row = np.flatnonzero(~episodes.last_transition)
+    row = row[episodes.known[episodes.observation_of_transition[row] + 2]]
     first = episodes.observation_of_transition[row]
     return Rows(first, row, first + 1, first + 2, np.zeros(len(row), np.bool_), len(row))
 
 
 def exact_triples(episodes: Episodes, termination: Termination, absorbing: int) -> Rows:
     """Every three successive observations of one episode, and what `termination` adds at a terminal step.
+
+    Nothing is added where the observation that an episode ends in is not known.
 
     ``zero`` adds (s_{T-1}, s_T, s_T) with d = 1. ``absorbing`` adds (s_{T-1}, s_T, abs), (s_T, abs, abs) and
     (abs, abs, abs), all with the terminal step's action: no action follows it.
@@ -165,7 +162,7 @@ def exact_triples(episodes: Episodes, termination: Termination, absorbing: int) 
         absorbing: index of the absorbing observation.
     """
     observation = episodes.observation_of_transition
-    terminal = np.flatnonzero(episodes.terminal_transition)
+    terminal = np.flatnonzero(episodes.terminal_transition & episodes.known[observation + 1])
     s, last = observation[terminal], observation[terminal] + 1
     within = triples_within(episodes)
     ends = len(terminal)

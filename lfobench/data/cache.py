@@ -19,9 +19,10 @@ from lfobench.contract.episodes import Episodes
 from lfobench.data.shard import ARRAYS, Arrays, Shard, open_shard, read_into, reserve
 from lfobench.errors import UserError
 from lfobench.files import replacing
-from lfobench.plan.parts import PartSpecification
+from lfobench.plan.file_parts import FilePart
+from lfobench.plan.parts import Part
 
-GENERATED = "generated"
+GENERATED, IMPORTED = "generated", "imported"
 READERS = 2
 
 
@@ -40,12 +41,13 @@ class PartCache:
     """The shards of one part below `root`."""
 
     root: Path
-    specification: PartSpecification
+    specification: Part
 
     @property
     def folder(self) -> Path:
         """Where the part's shards lie."""
-        return self.root / GENERATED / self.specification.folder
+        kind = IMPORTED if isinstance(self.specification, FilePart) else GENERATED
+        return self.root / kind / self.specification.folder
 
     @property
     def _description(self) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 from lfobench.contract.record import content_hash
 from lfobench.contract.suite import Environment, Level, Operator, Recipe, Suite, Task, TrajectoryRecipe
 from lfobench.errors import UserError
+from lfobench.plan.file_parts import FilePart
 
 SHARD_TRANSITIONS = 10_000
 FORMAT = 2
@@ -77,6 +78,10 @@ class PartSpecification:
     def shards_for(self, transitions: int | None) -> int:
         """Shards that certainly hold that many transitions; None asks for a recorded part, whole."""
         return 1 if transitions is None else -(-transitions // self.shard_transitions)
+
+
+Part = PartSpecification | FilePart
+"""Made here, or read from a file."""
 
 
 @dataclass(frozen=True)

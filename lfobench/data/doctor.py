@@ -1,0 +1,233 @@
+"""The trajectory doctor: what is wrong, odd or merely good to know about a file's episodes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from lfobench.contract.episodes import BoolArray, Episodes, FloatArray
+from lfobench.data import boundaries
+from lfobench.data.readers.reading import Reading
+
+Severity = Literal["problem", "caution", "note"]
+"""A problem keeps a file from being used; a caution changes what is learnt from it; a note does neither."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found.
+
+    Attributes:
+        severity: how much it matters.
+        code: a word for scripts.
+        count: how often.
+        text: a sentence.
+    """
+
+    severity: Severity
+    code: str
+    count: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Mode:
+    """What a boundary mode makes of the rows.
+
+    Attributes:
+        name: e.g. ``released triples``.
+        kept: rows that it yields.
+        dropped: why other rows are not among them, and how many.
+        odd: what is true of some of the kept ones, and of how many.
+    """
+
+    name: str
+    kept: int
+    dropped: dict[str, int]
+    odd: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A file, examined.
+
+    Attributes:
+        format: ``d4rl``, ``minari`` or ``robomimic``.
+        observation: columns of an observation.
+        action: columns of an action.
+        lengths: steps of every episode.
+        returns: of every episode; empty where the file has no rewards.
+        terminated: episodes that ended by themselves.
+        findings: most severe first.
+        modes: what every boundary mode yields.
+    """
+
+    format: str
+    observation: int
+    action: int
+    lengths: tuple[int, ...]
+    returns: tuple[float, ...]
+    terminated: int
+    findings: tuple[Finding, ...]
+    modes: tuple[Mode, ...]
+
+    @property
+    def usable(self) -> bool:
+        """Whether nothing keeps it from being trained on."""
+        return all(finding.severity != "problem" for finding in self.findings)
+
+
+def diagnose(reading: Reading, horizon: int | None = None) -> Diagnosis:
+    """Examine what a reader made of a file; `horizon` is the environment's, where it is known."""
+    episodes = reading.episodes
+    order: list[Severity] = ["problem", "caution", "note"]
+    found = [*_values(reading), *_ends(reading, horizon), *_repetitions(episodes)]
+    return Diagnosis(
+        format=reading.format,
+        observation=episodes.observations.shape[1],
+        action=episodes.actions.shape[1],
+        lengths=tuple(episodes.lengths.tolist()),
+        returns=tuple(episodes.returns().tolist()) if reading.rewards else (),
+        terminated=int(episodes.terminated.sum()),
+        findings=tuple(sorted(found, key=lambda finding: order.index(finding.severity))),
+        modes=tuple(_modes(episodes)),
+    )
+
+
+def rows_inside(expert: Episodes, offline: Episodes) -> int:
+    """Expert rows (observation and action) that the offline part holds too, to the last bit."""
+    return int(np.isin(_rows_as_bytes(expert), _rows_as_bytes(offline)).sum())
+
+
+def _values(reading: Reading) -> Iterator[Finding]:
+    episodes = reading.episodes
+    fields: dict[str, tuple[FloatArray, BoolArray]] = {
+        "observations": (episodes.observations, episodes.known),
+        "actions": (episodes.actions, np.ones(len(episodes.actions), np.bool_)),
+    }
+    if reading.rewards:
+        fields["rewards"] = (episodes.rewards[:, None], np.ones(len(episodes.rewards), np.bool_))
+    for field, (values, counts) in fields.items():
+        if bad := int((~np.isfinite(values).all(axis=1) & counts).sum()):
+            yield Finding("problem", f"{field}-not-finite", bad, f"{bad:,} rows of {field} have a NaN or an infinity.")
+    beyond = np.abs(episodes.actions).max(axis=1) > 1.0
+    if count := int(beyond.sum()):
+        most = float(np.nanmax(np.abs(episodes.actions)))
+        yield Finding(
+            "caution",
+            "actions-out-of-range",
+            count,
+            f"{count:,} actions leave [-1, 1], the farthest to {most:.3g}; environments clip them, policies cannot.",
+        )
+    for field in ("observations", "actions"):
+        values, counts = fields[field]
+        constant = np.flatnonzero(np.nanmin(values[counts], axis=0) == np.nanmax(values[counts], axis=0)).tolist()
+        if constant:
+            text = f"{len(constant)} columns of {field} never change: {_listed(constant)}."
+            yield Finding("note", f"{field}-constant", len(constant), text)
+    if not reading.rewards:
+        yield Finding("note", "no-rewards", 1, "There are no rewards, so no returns; no method reads them.")
+
+
+def _ends(reading: Reading, horizon: int | None) -> Iterator[Finding]:
+    episodes, lengths = reading.episodes, reading.episodes.lengths
+    if gaps := len(reading.gaps):
+        yield Finding(
+            "caution",
+            "gaps",
+            gaps,
+            f"{gaps:,} rows lead to another observation than the following row has, and no flag ends an episode there, "
+            f"the first is row {int(reading.gaps[0]):,}; each is read as the end of an episode.",
+        )
+    if reading.unfinished:
+        yield Finding("note", "unfinished", 1, "The last episode has no end; it is read as cut by time.")
+    if reading.both_flags:
+        count = reading.both_flags
+        yield Finding("caution", "both-flags", count, f"{count:,} episodes are both terminated and timed out.")
+    if not reading.ends_known:
+        text = "The observation that an episode ends in is not in the file; steps that lead there have no successor."
+        yield Finding("note", "ends-unknown", len(lengths), text)
+    if not reading.timeouts:
+        text = "The file does not say which episodes time ended."
+        yield Finding("caution" if reading.format == "d4rl" else "note", "no-timeouts", len(lengths), text)
+    if horizon is None:
+        return
+    if count := int((lengths > horizon).sum()):
+        text = f"{count:,} episodes are longer than the horizon of {horizon} steps: time-outs are missing or misplaced."
+        yield Finding("caution", "longer-than-horizon", count, text)
+    flagged = ~episodes.terminated
+    flagged[np.isin(np.cumsum(lengths) - 1, reading.gaps)] = False
+    if reading.unfinished:
+        flagged[-1] = False
+    if count := int((flagged & (lengths < horizon)).sum()):
+        text = f"{count:,} episodes were cut by time before the horizon of {horizon} steps."
+        yield Finding("caution", "early-timeouts", count, text)
+    if count := int((episodes.terminated & (lengths == horizon)).sum()):
+        text = f"{count:,} episodes of exactly {horizon} steps are marked as terminated: time ended them, it seems."
+        yield Finding("caution", "terminal-at-horizon", count, text)
+
+
+def _repetitions(episodes: Episodes) -> Iterator[Finding]:
+    first, stop = episodes.first_transition, episodes.first_transition + episodes.lengths
+    marks = Counter(
+        hashlib.sha256(
+            episodes.observations[start : start + length].tobytes() + episodes.actions[begin:end].tobytes()
+        ).digest()
+        for start, length, begin, end in zip(episodes.first_observation, episodes.lengths, first, stop, strict=True)
+    )
+    if repeated := sum(count - 1 for count in marks.values()):
+        text = f"{repeated:,} episodes repeat an earlier one, to the last bit."
+        yield Finding("caution", "duplicated-episodes", repeated, text)
+
+
+def _modes(episodes: Episodes) -> Iterator[Mode]:
+    count, terminated = len(episodes.lengths), int(episodes.terminated.sum())
+    pairs = boundaries.released_transitions(episodes)
+    final = int(episodes.terminated[-1])
+    yield Mode(
+        "released pairs",
+        len(pairs),
+        {"last step of an episode that time ended": count - terminated, "last row of the file": final},
+        {"next observation is the next episode's first": int(pairs.terminated.sum())},
+    )
+    triples = boundaries.released_triples(pairs)
+    second = triples.second_next_observation
+    assert second is not None
+    ended = int(pairs.terminated[:-1].sum())
+    yield Mode(
+        "released triples",
+        len(triples),
+        {
+            "dropped as pairs": episodes.transitions - len(pairs),
+            "pair of a terminal step": ended,
+            "next pair does not continue": len(pairs) - ended - len(triples),
+        },
+        {"ends in the next episode's first observation": int((second != triples.observation + 2).sum())},
+    )
+    exact = boundaries.exact_transitions(episodes)
+    yield Mode("exact pairs", len(exact), {"unknown next observation": episodes.transitions - len(exact)}, {})
+    within = boundaries.triples_within(episodes)
+    dropped = {"last step of an episode": count, "unknown s''": episodes.transitions - count - len(within)}
+    yield Mode("exact triples", len(within), dropped, {})
+
+
+def _rows_as_bytes(episodes: Episodes) -> np.ndarray:  # type: ignore[type-arg]
+    """``[N]`` one opaque value per row."""
+    rows = np.hstack((episodes.observations[episodes.observation_of_transition], episodes.actions))
+    return np.ascontiguousarray(rows).view(np.dtype((np.void, rows.shape[1] * rows.itemsize)))[:, 0]
+
+
+def _listed(columns: list[int]) -> str:
+    """``3, 5, 27 to 110``."""
+    runs: list[list[int]] = []
+    for column in columns:
+        if runs and column == runs[-1][-1] + 1:
+            runs[-1].append(column)
+        else:
+            runs.append([column])
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)

@@ -1,0 +1,51 @@
+"""Which reader a file is for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lfobench.data.readers import d4rl, minari, robomimic
+from lfobench.data.readers.hdf5 import OTHER, FileProblem, members, opened
+from lfobench.data.readers.reading import Reading
+
+IN_MINARI_FOLDER = Path("data") / "main_data.hdf5"
+
+
+def data_file(path: Path) -> Path:
+    """The HDF5 file behind a path: itself, or that of a Minari dataset's folder.
+
+    Raises:
+        FileProblem: a folder that is no Minari dataset.
+    """
+    if not path.is_dir():
+        return path
+    for inside in (IN_MINARI_FOLDER, Path(IN_MINARI_FOLDER.name)):
+        if (path / inside).is_file():
+            return path / inside
+    raise FileProblem(f"it is a folder without {IN_MINARI_FOLDER}, so no Minari dataset", "Name a file.")
+
+
+def read(path: Path, horizon: int | None = None) -> Reading:
+    """The episodes of a file, by whichever reader knows its layout.
+
+    Args:
+        path: an HDF5 file, or a Minari dataset's folder.
+        horizon: steps after which an episode is cut, for files that do not say it themselves.
+
+    Raises:
+        FileProblem: what is wrong with it.
+        OSError: it cannot be read.
+    """
+    with opened(data_file(path)) as root:
+        if minari.is_minari(root):
+            return minari.read(root)
+        if robomimic.is_robomimic(root):
+            return robomimic.read(root)
+        if d4rl.is_d4rl(root):
+            return d4rl.read(root, horizon)
+        there = ", ".join(members(root)[:12]) or "nothing"
+        raise FileProblem(
+            f"it has none of the known layouts: D4RL's needs the fields observations, actions and terminals, Minari's "
+            f"groups episode_0, …, robomimic's groups data/demo_0, … (there: {there})",
+            OTHER,
+        )

@@ -1,0 +1,84 @@
+"""robomimic's layout: a group per demonstration, with observations by name before and after every step.
+
+``data/demo_<i>/{obs/<name> [T, …], next_obs/<name> [T, …], actions [T, act], rewards [T], dones [T]}``. An observation
+is the names of `LOW_DIMENSIONAL` side by side. No demonstration ends by itself: robomimic's ``dones`` mark success, and
+the recording stops.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import h5py
+import numpy as np
+
+from lfobench.contract.episodes import Episodes, FloatArray, IntArray
+from lfobench.data.readers.hdf5 import OTHER, Array, FileProblem, array, is_group, members, subgroup
+from lfobench.data.readers.reading import Reading, end_to_end, row_numbers, same_columns, same_rows
+
+DEMONSTRATION = re.compile(r"demo_(\d+)")
+LOW_DIMENSIONAL = ("robot0_eef_pos", "robot0_eef_quat", "robot0_gripper_qpos", "object")
+
+
+def is_robomimic(root: h5py.File) -> bool:
+    """Whether the file has demonstrations."""
+    return (
+        "data" in members(root)
+        and is_group(root, "data")
+        and any(DEMONSTRATION.fullmatch(name) for name in members(subgroup(root, "data")))
+    )
+
+
+def read(root: h5py.File, columns: Sequence[str] = LOW_DIMENSIONAL) -> Reading:
+    """Every demonstration, by number, its observations made of `columns`.
+
+    Raises:
+        FileProblem: naming the field.
+    """
+    data = subgroup(root, "data")
+    names = sorted((name for name in members(data) if DEMONSTRATION.fullmatch(name)), key=lambda name: int(name[5:]))
+    groups = [subgroup(data, name) for name in names]
+    actions = [array(group, "actions", 2) for group in groups]
+    rewarded = all("rewards" in members(group) for group in groups)
+    rewards = [array(group, "rewards", 1) for group in groups] if rewarded else []
+    before, after = (
+        [[array(subgroup(group, side), column, 2) for column in columns] for group in groups]
+        for side in ("obs", "next_obs")
+    )
+    for index, done in enumerate(actions):
+        if not done.rows:
+            raise FileProblem(f"'data/{names[index]}' has no step", OTHER)
+        same_rows([*before[index], *after[index], *rewards[index : index + 1]], done.rows, f"'{done.field}'")
+        same_columns(done, actions[0].shape[1], f"'{actions[0].field}'")
+        for column, first in enumerate(before[0]):
+            for seen in (before[index][column], after[index][column]):
+                same_columns(seen, first.shape[1], f"'{first.field}'")
+    lengths = np.array([done.rows for done in actions], np.int64)
+    steps = int(lengths.sum())
+    return Reading(
+        Episodes(
+            _stacked(before, after, lengths),
+            end_to_end(actions),
+            end_to_end(rewards) if rewarded else np.full(steps, np.nan, np.float32),
+            lengths,
+            np.zeros(len(lengths), np.bool_),
+        ),
+        "robomimic",
+        columns=tuple(columns),
+        rewards=rewarded,
+        timeouts=False,
+    )
+
+
+def _stacked(before: list[list[Array]], after: list[list[Array]], lengths: IntArray) -> FloatArray:
+    """Observations of episodes ``[N + E, obs]``, column by column."""
+    widths = [first.shape[1] for first in before[0]]
+    stacked = np.empty((int(lengths.sum()) + len(lengths), sum(widths)), np.float32)
+    place, last = row_numbers(lengths), np.cumsum(lengths) - 1
+    stop = 0
+    for column, width in enumerate(widths):
+        start, stop = stop, stop + width
+        stacked[place, start:stop] = end_to_end([arrays[column] for arrays in before])
+        stacked[place[last] + 1, start:stop] = np.stack([arrays[column].read()[-1] for arrays in after])
+    return stacked

@@ -1,0 +1,53 @@
+"""Parts that are read from files which others made: what decides their content, once a file is there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from lfobench.contract.record import content_hash
+
+READERS = 1
+"""Grows whenever a reader makes other episodes of the same file."""
+
+
+@dataclass(frozen=True)
+class FilePart:
+    """A file's episodes; the hash of what decides them names their folder in the cache.
+
+    Attributes:
+        name: what the file is called, e.g. ``hopper-random-v2``.
+        sha256: of its bytes.
+        horizon: steps after which an episode is cut, where the file does not say.
+        readers: version of the readers.
+    """
+
+    name: str
+    sha256: str
+    horizon: int
+    readers: int = READERS
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """As plain JSON data; neither the file's name nor where it lies is among it."""
+        return {"sha256": self.sha256, "horizon": self.horizon, "readers": self.readers}
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of the identity."""
+        return content_hash(self.identity)
+
+    @property
+    def level(self) -> str:
+        """What tables and messages call the part."""
+        return self.name
+
+    @property
+    def folder(self) -> str:
+        """Folder name in the cache, e.g. ``hopper-random-v2-1a2b3c4d5e``."""
+        return f"{self.name}-{self.hash[:10]}"
+
+    def shards_for(self, transitions: int | None) -> int:
+        """A file is one shard, however much of it is read."""
+        return 1

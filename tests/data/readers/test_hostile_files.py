@@ -1,0 +1,203 @@
+"""Files that are damaged, mistaken or hostile: each is refused for what is wrong with it, and no link is followed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from helpers_files import make_episodes, write_d4rl, write_minari, write_robomimic
+
+from lfobench.data.readers import robomimic
+from lfobench.data.readers.checks import check
+from lfobench.data.readers.formats import read
+from lfobench.data.readers.hdf5 import FileProblem
+
+
+def replace_field(path: Path, field: str, **dataset: object) -> None:
+    with h5py.File(path, "a") as file:
+        del file[field]
+        file.create_dataset(field, **dataset)
+
+
+def link(path: Path, field: str, target: object) -> None:
+    with h5py.File(path, "a") as file:
+        del file[field]
+        file[field] = target
+
+
+def external_storage(path: Path) -> None:
+    outside = path.with_name("outside.bin")
+    outside.write_bytes(bytes(4 * 20))
+    replace_field(path, "rewards", shape=(20,), dtype="f4", external=[(str(outside), 0, 80)])
+
+
+def virtual(path: Path) -> None:
+    other = path.with_name("other.hdf5")
+    with h5py.File(other, "w") as file:
+        file["rewards"] = np.zeros(20, np.float32)
+    layout = h5py.VirtualLayout((20,), "f4")
+    layout[:] = h5py.VirtualSource(other, "rewards", (20,))
+    with h5py.File(path, "a") as file:
+        del file["rewards"]
+        file.create_virtual_dataset("rewards", layout)
+
+
+def foreign_filter(path: Path) -> None:
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_chunk((20,))
+    plist.set_filter(32001, h5py.h5z.FLAG_OPTIONAL)
+    with h5py.File(path, "a") as file:
+        del file["rewards"]
+        space = h5py.h5s.create_simple((20,))
+        h5py.h5d.create(file.id, b"rewards", h5py.h5t.NATIVE_FLOAT, space, plist).write(
+            h5py.h5s.ALL, h5py.h5s.ALL, np.zeros(20, np.float32)
+        )
+
+
+def not_finite(path: Path) -> None:
+    with h5py.File(path, "a") as file:
+        file["observations"][12, 1] = np.nan
+
+
+def an_odd_flag(path: Path) -> None:
+    flags = np.zeros(20, np.int8)
+    flags[3] = 7
+    replace_field(path, "terminals", data=flags)
+
+
+def no_end(path: Path) -> None:
+    for field in ("terminals", "timeouts"):
+        replace_field(path, field, data=np.zeros(20, np.bool_))
+
+
+D4RL_CASES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "cut short": (lambda path: path.write_bytes(path.read_bytes()[:3000]), "it is cut short"),
+    "empty": (lambda path: path.write_bytes(b""), "it is empty"),
+    "a web page": (lambda path: path.write_text("\n<!DOCTYPE html><title>Log in"), "it is a web page"),
+    "a pointer": (lambda path: path.write_text("version https://git-lfs.github.com/spec/v1\n"), "Git LFS pointer"),
+    "something else": (lambda path: path.write_bytes(b"PK\x03\x04"), "it is not an HDF5 file"),
+    "no known layout": (lambda path: link(path, "actions", np.zeros(3)) or _rename(path), "none of the known layouts"),
+    "rows differ": (
+        lambda path: replace_field(path, "rewards", data=np.zeros(19)),
+        "field 'rewards' has 19 rows, and 'observations' has 20",
+    ),
+    "columns differ": (
+        lambda path: replace_field(path, "next_observations", data=np.zeros((20, 3))),
+        "field 'next_observations' has 3 columns, and 'observations' has 4",
+    ),
+    "dimensions": (
+        lambda path: replace_field(path, "actions", data=np.zeros(20)),
+        "field 'actions' has 1 dimensions; it should have 2",
+    ),
+    "a scalar": (lambda path: replace_field(path, "rewards", data=1.0), "field 'rewards' has 0 dimensions"),
+    "nothing": (
+        lambda path: replace_field(path, "rewards", data=h5py.Empty("f4")),
+        "field 'rewards' has nothing",
+    ),
+    "strings": (
+        lambda path: replace_field(path, "rewards", data=np.array([b"one"] * 20)),
+        "field 'rewards' holds text or objects",
+    ),
+    "objects": (
+        lambda path: replace_field(path, "rewards", shape=(20,), dtype=h5py.string_dtype()),
+        "field 'rewards' holds text or objects",
+    ),
+    "records": (
+        lambda path: replace_field(path, "rewards", data=np.zeros(20, [("value", "f4")])),
+        "field 'rewards' holds values of type",
+    ),
+    "complex numbers": (
+        lambda path: replace_field(path, "rewards", data=np.zeros(20, np.complex64)),
+        "'rewards' holds",
+    ),
+    "a group": (lambda path: link_group(path, "rewards"), "'rewards' is not an array"),
+    "an external link": (
+        lambda path: link(path, "rewards", h5py.ExternalLink("/etc/passwd", "/")),
+        "'rewards' is a link to elsewhere",
+    ),
+    "a soft link": (lambda path: link(path, "rewards", h5py.SoftLink("/actions")), "'rewards' is a link to elsewhere"),
+    "external storage": (external_storage, "field 'rewards' lies in other files"),
+    "virtual": (virtual, "field 'rewards' lies in other files"),
+    "a foreign filter": (foreign_filter, "field 'rewards' needs the filter number 32001"),
+    "declared and not there": (
+        lambda path: replace_field(path, "observations", shape=(2**40, 4), dtype="f4", chunks=(1000, 4)),
+        "field 'observations' declares 17,592,186,044,416 bytes",
+    ),
+    "not finite": (not_finite, "field 'observations' has a value that is no finite number, the first in row 12"),
+    "an odd flag": (an_odd_flag, "field 'terminals' has .*7.* in row 3, where 0 or 1 belongs"),
+    "no end": (no_end, "no episode ends"),
+    "no rows": (lambda path: write_d4rl(path, make_episodes([], [])), "field 'observations' has no row"),
+}
+
+
+def _rename(path: Path) -> None:
+    with h5py.File(path, "a") as file:
+        file.move("actions", "moves")
+
+
+def link_group(path: Path, field: str) -> None:
+    with h5py.File(path, "a") as file:
+        del file[field]
+        file.create_group(field)
+
+
+@pytest.mark.parametrize("case", D4RL_CASES)
+def test_a_d4rl_file_is_refused(tmp_path: Path, case: str) -> None:
+    spoil, said = D4RL_CASES[case]
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    spoil(path)
+    with pytest.raises(FileProblem, match=said) as caught:
+        check(read(path))
+    assert caught.value.remedy.endswith(".")
+
+
+def test_without_timeouts_the_horizon_must_be_known(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes(), ["timeouts"])
+    with pytest.raises(FileProblem, match="field 'timeouts' is missing"):
+        read(path)
+    assert read(path, 9).episodes.lengths.tolist() == [7, 4, 9]
+
+
+@pytest.mark.parametrize(
+    ("field", "data", "said"),
+    [
+        (
+            "episode_1/observations",
+            np.zeros((4, 4)),
+            "'episode_1/observations' has 4 rows, and 'episode_1/actions'",
+        ),
+        ("episode_1/observations", np.zeros((5, 3)), "'episode_1/observations' has 3 columns"),
+        ("episode_1/rewards", np.zeros(3), "'episode_1/rewards' has 3 rows"),
+        ("episode_1/actions", np.zeros((0, 2)), "'episode_1' has no step"),
+        ("episode_1/terminations", np.ones(4, np.bool_), "'episode_1' is marked as ended before its last step"),
+        ("episode_1/actions", np.array([[b"left"] * 2] * 4), "'episode_1/actions' holds text"),
+    ],
+)
+def test_a_minari_file_is_refused(tmp_path: Path, field: str, data: np.ndarray, said: str) -> None:  # type: ignore[type-arg]
+    path = write_minari(tmp_path / "file.hdf5", make_episodes())
+    replace_field(path, field, data=data)
+    with pytest.raises(FileProblem, match=said):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("field", "data", "said"),
+    [
+        ("data/demo_0/obs/object", np.zeros((6, 1)), "'data/demo_0/obs/object' has 6 rows"),
+        ("data/demo_1/next_obs/object", np.zeros((4, 2)), "'data/demo_1/next_obs/object' has 2 columns"),
+        ("data/demo_2/actions", np.zeros((0, 2)), "'data/demo_2' has no step"),
+    ],
+)
+def test_a_robomimic_file_is_refused(tmp_path: Path, field: str, data: np.ndarray, said: str) -> None:  # type: ignore[type-arg]
+    path = write_robomimic(tmp_path / "file.hdf5", make_episodes(), robomimic.LOW_DIMENSIONAL)
+    replace_field(path, field, data=data)
+    with pytest.raises(FileProblem, match=said):
+        read(path)
+
+
+def test_a_folder_without_a_dataset_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileProblem, match="a folder without"):
+        read(tmp_path)

@@ -1,0 +1,99 @@
+"""What the doctor finds in files that were spoilt on purpose, and what the boundary modes make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from helpers_files import make_episodes, write_d4rl, write_minari
+
+from lfobench.contract.episodes import concatenate
+from lfobench.data.doctor import diagnose, rows_inside
+from lfobench.data.readers.formats import read
+
+
+def examined(path: Path, horizon: int | None = 9) -> dict[str, int]:
+    return {finding.code: finding.count for finding in diagnose(read(path, horizon), horizon).findings}
+
+
+def change(field: str, row: int | slice, value: object) -> Callable[[Path], None]:
+    def spoil(path: Path) -> None:
+        with h5py.File(path, "a") as file:
+            file[field][row] = value
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code", "count"),
+    [
+        (change("observations", 3, np.nan), "observations-not-finite", 1),
+        (change("rewards", slice(0, 2), np.inf), "rewards-not-finite", 2),
+        (change("actions", slice(2, 5), 1.5), "actions-out-of-range", 3),
+        (change("timeouts", 6, False), "gaps", 1),
+        (change("timeouts", 19, False), "unfinished", 1),
+        (change("terminals", 6, True), "both-flags", 1),
+    ],
+)
+def test_what_was_spoilt_is_found(tmp_path: Path, spoil: Callable[[Path], None], code: str, count: int) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    before = examined(path)
+    spoil(path)
+    assert code not in before
+    assert examined(path)[code] == count
+
+
+def test_ends_are_held_against_the_horizon(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes((7, 4, 9), (False, True, False)))
+    assert examined(path, 9) == {"early-timeouts": 1}
+    assert examined(path, 4) == {"longer-than-horizon": 2, "terminal-at-horizon": 1}
+    assert examined(path, None) == {}
+
+
+def test_what_is_missing_is_said(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes(), ["timeouts", "next_observations", "rewards"])
+    assert examined(path) == {"no-timeouts": 3, "ends-unknown": 3, "no-rewards": 1}
+    diagnosis = diagnose(read(path, 9), 9)
+    assert (diagnosis.returns, diagnosis.usable) == ((), True)
+
+
+def test_constant_columns_and_repeated_episodes(tmp_path: Path) -> None:
+    episodes = make_episodes(observation=6)
+    episodes.observations[:, [1, 3, 4]] = 2.0
+    twice = concatenate([episodes, episodes.first_episodes(2)])
+    found = diagnose(read(write_minari(tmp_path / "file.hdf5", twice)))
+    texts = {finding.code: finding.text for finding in found.findings}
+    assert texts["observations-constant"] == "3 columns of observations never change: 1, 3 to 4."
+    assert texts["duplicated-episodes"].startswith("2 episodes repeat")
+
+
+def test_problems_come_first_and_make_a_file_unusable(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    change("actions", 2, 1.5)(path)
+    change("actions", 9, np.nan)(path)
+    found = diagnose(read(path, 4), 4)
+    assert [finding.severity for finding in found.findings][:2] == ["problem", "caution"]
+    assert not found.usable
+
+
+def test_every_mode_accounts_for_every_row(tmp_path: Path) -> None:
+    for leave_out in ((), ("next_observations",)):
+        path = write_d4rl(tmp_path / "file.hdf5", make_episodes((3, 1, 4, 2), (True, False, False, True)), leave_out)
+        modes = {mode.name: mode for mode in diagnose(read(path)).modes}
+        assert all(mode.kept + sum(mode.dropped.values()) == 10 for mode in modes.values()), modes
+        assert modes["released pairs"].dropped == {
+            "last step of an episode that time ended": 2,
+            "last row of the file": 1,
+        }
+        assert modes["released triples"].odd == {"ends in the next episode's first observation": 1}
+
+
+def test_expert_rows_inside_the_offline_part() -> None:
+    expert, other = make_episodes(), make_episodes((5,), (False,), 4, 2)
+    other = replace(other, actions=other.actions + 1)
+    assert rows_inside(expert, concatenate([other, expert.first_episodes(2)])) == 11
+    assert rows_inside(expert, other) == 0

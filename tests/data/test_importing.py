@@ -1,0 +1,85 @@
+"""A file becomes a shard in a process of its own, whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers_files import make_episodes, write_d4rl
+
+from lfobench.data import importing
+from lfobench.data.cache import PartCache
+from lfobench.data.importing import import_file
+from lfobench.errors import UserError
+from lfobench.plan.file_parts import FilePart
+
+PART = FilePart("small", sha256="5" * 64, horizon=9)
+
+
+def test_the_shard_holds_the_file_s_episodes(tmp_path: Path) -> None:
+    episodes = make_episodes()
+    import_file(tmp_path / "cache", write_d4rl(tmp_path / "file.hdf5", episodes), PART)
+    cache = PartCache(tmp_path / "cache", PART)
+    assert cache.missing(None) == []
+    assert cache.folder == tmp_path / "cache" / "imported" / PART.folder
+    found, mark = cache.load(None, "again")
+    np.testing.assert_array_equal(found.observations, episodes.observations)
+    assert len(mark) == 64
+
+
+def test_the_name_of_a_file_is_not_what_it_is() -> None:
+    assert FilePart("other", PART.sha256, PART.horizon).hash == PART.hash
+    assert len({part.hash for part in (PART, FilePart("small", "6" * 64, 9), FilePart("small", "5" * 64, 8))}) == 3
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"<html>Log in</html>", "cannot be used: it is a web page"),
+        (None, "cannot be used: No such file or directory"),
+    ],
+)
+def test_a_bad_file_leaves_nothing(tmp_path: Path, content: bytes | None, said: str) -> None:
+    path = tmp_path / "file.hdf5"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(UserError, match=said) as caught:
+        import_file(tmp_path / "cache", path, PART)
+    assert str(path) in caught.value.problem
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_reader_that_dies_is_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = subprocess.run
+
+    def dying(command: list[str], **options: object) -> object:
+        kill = f"import os, signal; os.kill(os.getpid(), signal.{signal.SIGSEGV.name})"
+        return real([command[0], "-c", kill], **options)  # type: ignore[call-overload]
+
+    monkeypatch.setattr(importing.subprocess, "run", dying)
+    with pytest.raises(UserError, match=r"file\.hdf5 cannot be used: reading it ended with SIGSEGV\."):
+        import_file(tmp_path / "cache", tmp_path / "file.hdf5", PART)
+
+
+def test_a_reader_that_takes_for_ever_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importing, "SECONDS", 0.01)
+    with pytest.raises(UserError, match="takes longer than 0 minutes"):
+        import_file(tmp_path / "cache", write_d4rl(tmp_path / "file.hdf5", make_episodes()), PART)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_cache_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "cache").mkdir(mode=0o500)
+    with pytest.raises(UserError, match="Cannot write"):
+        import_file(tmp_path / "cache", write_d4rl(tmp_path / "file.hdf5", make_episodes()), PART)
+
+
+def test_the_process_loads_no_more_than_it_needs() -> None:
+    """Torch would take longer to load than most files take to read."""
+    code = "import sys, lfobench.data.importing; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
