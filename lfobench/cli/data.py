@@ -8,8 +8,10 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import output, print_json
+from lfobench.cli.doctor import doctor
 
-app = typer.Typer(name="data", help="Datasets: build, status.", no_args_is_help=True)
+app = typer.Typer(name="data", help="Datasets: build, status, doctor.", no_args_is_help=True)
+app.command()(doctor)
 
 SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, or the path of its file.")]
 

@@ -11,11 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfobench.contract.episodes import BoolArray, Episodes, IntArray
-from lfobench.contract.method import Termination
+
+if TYPE_CHECKING:
+    from lfobench.contract.method import Termination  # torch, which reading a file can do without
 
 
 @dataclass(frozen=True)

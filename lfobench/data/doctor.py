@@ -5,81 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from lfobench.contract.diagnosis import Diagnosis, Finding, Mode, Severity
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray
 from lfobench.data import boundaries
 from lfobench.data.readers.reading import Reading
-
-Severity = Literal["problem", "caution", "note"]
-"""A problem keeps a file from being used; a caution changes what is learnt from it; a note does neither."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that was found.
-
-    Attributes:
-        severity: how much it matters.
-        code: a word for scripts.
-        count: how often.
-        text: a sentence.
-    """
-
-    severity: Severity
-    code: str
-    count: int
-    text: str
-
-
-@dataclass(frozen=True)
-class Mode:
-    """What a boundary mode makes of the rows.
-
-    Attributes:
-        name: e.g. ``released triples``.
-        kept: rows that it yields.
-        dropped: why other rows are not among them, and how many.
-        odd: what is true of some of the kept ones, and of how many.
-    """
-
-    name: str
-    kept: int
-    dropped: dict[str, int]
-    odd: dict[str, int]
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """A file, examined.
-
-    Attributes:
-        format: ``d4rl``, ``minari`` or ``robomimic``.
-        observation: columns of an observation.
-        action: columns of an action.
-        lengths: steps of every episode.
-        returns: of every episode; empty where the file has no rewards.
-        terminated: episodes that ended by themselves.
-        findings: most severe first.
-        modes: what every boundary mode yields.
-    """
-
-    format: str
-    observation: int
-    action: int
-    lengths: tuple[int, ...]
-    returns: tuple[float, ...]
-    terminated: int
-    findings: tuple[Finding, ...]
-    modes: tuple[Mode, ...]
-
-    @property
-    def usable(self) -> bool:
-        """Whether nothing keeps it from being trained on."""
-        return all(finding.severity != "problem" for finding in self.findings)
 
 
 def diagnose(reading: Reading, horizon: int | None = None) -> Diagnosis:
@@ -92,7 +24,7 @@ def diagnose(reading: Reading, horizon: int | None = None) -> Diagnosis:
         observation=episodes.observations.shape[1],
         action=episodes.actions.shape[1],
         lengths=tuple(episodes.lengths.tolist()),
-        returns=tuple(episodes.returns().tolist()) if reading.rewards else (),
+        returns=tuple(episodes.returns().tolist()) if np.isfinite(episodes.rewards).all() else (),
         terminated=int(episodes.terminated.sum()),
         findings=tuple(sorted(found, key=lambda finding: order.index(finding.severity))),
         modes=tuple(_modes(episodes)),
@@ -192,8 +124,8 @@ def _modes(episodes: Episodes) -> Iterator[Mode]:
     yield Mode(
         "released pairs",
         len(pairs),
-        {"last step of an episode that time ended": count - terminated, "last row of the file": final},
-        {"next observation is the next episode's first": int(pairs.terminated.sum())},
+        {"last steps of episodes that time ended": count - terminated, "last row of the file": final},
+        {"lead into the next episode": int(pairs.terminated.sum())},
     )
     triples = boundaries.released_triples(pairs)
     second = triples.second_next_observation
@@ -204,15 +136,15 @@ def _modes(episodes: Episodes) -> Iterator[Mode]:
         len(triples),
         {
             "dropped as pairs": episodes.transitions - len(pairs),
-            "pair of a terminal step": ended,
-            "next pair does not continue": len(pairs) - ended - len(triples),
+            "pairs of terminal steps": ended,
+            "pairs that the next one does not continue": len(pairs) - ended - len(triples),
         },
-        {"ends in the next episode's first observation": int((second != triples.observation + 2).sum())},
+        {"lead into the next episode": int((second != triples.observation + 2).sum())},
     )
     exact = boundaries.exact_transitions(episodes)
-    yield Mode("exact pairs", len(exact), {"unknown next observation": episodes.transitions - len(exact)}, {})
+    yield Mode("exact pairs", len(exact), {"unknown next observations": episodes.transitions - len(exact)}, {})
     within = boundaries.triples_within(episodes)
-    dropped = {"last step of an episode": count, "unknown s''": episodes.transitions - count - len(within)}
+    dropped = {"last steps of episodes": count, "unknown s''": episodes.transitions - count - len(within)}
     yield Mode("exact triples", len(within), dropped, {})
 
 

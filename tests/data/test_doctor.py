@@ -86,10 +86,10 @@ def test_every_mode_accounts_for_every_row(tmp_path: Path) -> None:
         modes = {mode.name: mode for mode in diagnose(read(path)).modes}
         assert all(mode.kept + sum(mode.dropped.values()) == 10 for mode in modes.values()), modes
         assert modes["released pairs"].dropped == {
-            "last step of an episode that time ended": 2,
+            "last steps of episodes that time ended": 2,
             "last row of the file": 1,
         }
-        assert modes["released triples"].odd == {"ends in the next episode's first observation": 1}
+        assert modes["released triples"].odd == {"lead into the next episode": 1}
 
 
 def test_expert_rows_inside_the_offline_part() -> None:

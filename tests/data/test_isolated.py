@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from helpers_files import make_episodes, write_d4rl
 
-from lfobench.data import importing
+from lfobench.data import isolated
 from lfobench.data.cache import PartCache
-from lfobench.data.importing import import_file
+from lfobench.data.isolated import examine_file, import_file
 from lfobench.errors import UserError
 from lfobench.plan.file_parts import FilePart
 
@@ -61,13 +61,13 @@ def test_a_reader_that_dies_is_told_of(tmp_path: Path, monkeypatch: pytest.Monke
         kill = f"import os, signal; os.kill(os.getpid(), signal.{signal.SIGSEGV.name})"
         return real([command[0], "-c", kill], **options)  # type: ignore[call-overload]
 
-    monkeypatch.setattr(importing.subprocess, "run", dying)
+    monkeypatch.setattr(isolated.subprocess, "run", dying)
     with pytest.raises(UserError, match=r"file\.hdf5 cannot be used: reading it ended with SIGSEGV\."):
         import_file(tmp_path / "cache", tmp_path / "file.hdf5", PART)
 
 
 def test_a_reader_that_takes_for_ever_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importing, "SECONDS", 0.01)
+    monkeypatch.setattr(isolated, "SECONDS", 0.01)
     with pytest.raises(UserError, match="takes longer than 0 minutes"):
         import_file(tmp_path / "cache", write_d4rl(tmp_path / "file.hdf5", make_episodes()), PART)
 
@@ -81,5 +81,13 @@ def test_a_cache_that_cannot_be_written(tmp_path: Path) -> None:
 
 def test_the_process_loads_no_more_than_it_needs() -> None:
     """Torch would take longer to load than most files take to read."""
-    code = "import sys, lfobench.data.importing; sys.exit('torch' in sys.modules)"
+    code = "import sys, lfobench.data.isolated; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_a_file_is_examined_without_the_cache(tmp_path: Path) -> None:
+    found = examine_file(write_d4rl(tmp_path / "file.hdf5", make_episodes()), 9)
+    assert (found.format, found.lengths, found.terminated) == ("d4rl", (7, 4, 9), 1)
+    assert [finding.code for finding in found.findings] == ["early-timeouts"]
+    with pytest.raises(UserError, match=r"none\.hdf5 cannot be used: No such file"):
+        examine_file(tmp_path / "none.hdf5", None)

@@ -1,9 +1,9 @@
-"""Files become shards: each is read once, in a process of its own, and from then on the cache is read.
+"""Files from outside are opened in a process of their own, which hands over a shard or a diagnosis.
 
-A file from outside can make the HDF5 library loop, take all memory or crash; what happens to that process happens to
-it alone. It loads no plugin, and it ends in one of three ways: the shard is there, it says why not, or it is dead.
+Such a file can make the HDF5 library loop, take all memory or crash; what happens to that process happens to it alone.
+It loads no plugin, and it ends in one of three ways: the work is done, it says why not, or it is dead.
 
-Run as ``python -m lfobench.data.importing``, with the order as JSON on standard input.
+Run as ``python -m lfobench.data.isolated``, with the order as JSON on standard input.
 """
 
 from __future__ import annotations
@@ -14,10 +14,17 @@ import resource
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
+from pydantic import TypeAdapter
+
+from lfobench.contract.diagnosis import Diagnosis
 from lfobench.data.cache import PartCache
+from lfobench.data.doctor import diagnose
 from lfobench.data.readers.checks import check
 from lfobench.data.readers.formats import read
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
@@ -30,7 +37,7 @@ SECONDS = 1_800.0
 
 
 def import_file(root: Path, path: Path, part: FilePart) -> None:
-    """Make the shard of a file, whole or not at all.
+    """Make the shard of a file, whole or not at all; from then on the file is not opened again.
 
     Args:
         root: of the cache.
@@ -40,12 +47,25 @@ def import_file(root: Path, path: Path, part: FilePart) -> None:
     Raises:
         UserError: naming the file, what is wrong with it, and the way out.
     """
-    order = json.dumps({"root": str(root), "path": str(path), "part": asdict(part)})
+    _carry_out(path, {"do": "import", "root": str(root), "path": str(path), "part": asdict(part)})
+
+
+def examine_file(path: Path, horizon: int | None) -> Diagnosis:
+    """What the doctor says of a file.
+
+    Raises:
+        UserError: it cannot be read at all.
+    """
+    told = _carry_out(path, {"do": "examine", "path": str(path), "horizon": horizon})
+    return TypeAdapter(Diagnosis).validate_json(told)
+
+
+def _carry_out(path: Path, order: dict[str, Any]) -> str:
     environment = {**os.environ, "HDF5_PLUGIN_PRELOAD": "::", "HDF5_USE_FILE_LOCKING": "FALSE"}
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "lfobench.data.importing"],
-            input=order,
+            [sys.executable, "-m", "lfobench.data.isolated"],
+            input=json.dumps(order),
             capture_output=True,
             text=True,
             timeout=SECONDS,
@@ -60,30 +80,46 @@ def import_file(root: Path, path: Path, part: FilePart) -> None:
         raise _error(path, f"reading it ended with {signal.Signals(-done.returncode).name}", OTHER)
     if done.returncode:
         raise RuntimeError(f"reading {path} failed:\n{done.stderr}")
+    return done.stdout
 
 
 def main() -> None:
     """Carry out the order on standard input."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     order = json.loads(sys.stdin.read())
+    path = Path(order["path"])
     try:
-        _import(Path(order["root"]), Path(order["path"]), FilePart(**order["part"]))
+        if order["do"] == "import":
+            _import(Path(order["root"]), path, FilePart(**order["part"]))
+        else:
+            sys.stdout.write(json.dumps(asdict(_examine(path, order["horizon"])), allow_nan=False))
     except UserError as error:
         sys.stdout.write(json.dumps({"problem": error.problem, "remedy": error.remedy}))
         raise SystemExit(REFUSED) from error
 
 
 def _import(root: Path, path: Path, part: FilePart) -> None:
-    try:
+    with _problems_named(path):
         reading = read(path, part.horizon)
         check(reading)
+    PartCache(root, part).write(0, reading.episodes)
+
+
+def _examine(path: Path, horizon: int | None) -> Diagnosis:
+    with _problems_named(path):
+        return diagnose(read(path, horizon), horizon)
+
+
+@contextmanager
+def _problems_named(path: Path) -> Iterator[None]:
+    try:
+        yield
     except FileProblem as problem:
         raise _error(path, problem.cause, problem.remedy) from problem
     except MemoryError as error:
         raise _error(path, "it does not fit into memory", "Use a machine with more, or a part of the file.") from error
     except OSError as error:
         raise _error(path, error.strerror or str(error), "Name another file.") from error
-    PartCache(root, part).write(0, reading.episodes)
 
 
 def _error(path: Path, cause: str, remedy: str) -> UserError:

@@ -1,0 +1,73 @@
+"""What the trajectory doctor says of a data file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Severity = Literal["problem", "caution", "note"]
+"""A problem keeps a file from being used; a caution changes what is learnt from it; a note does neither."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found.
+
+    Attributes:
+        severity: how much it matters.
+        code: a word for scripts.
+        count: how often.
+        text: a sentence.
+    """
+
+    severity: Severity
+    code: str
+    count: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Mode:
+    """What a boundary mode makes of the rows.
+
+    Attributes:
+        name: e.g. ``released triples``.
+        kept: rows that it yields.
+        dropped: why other rows are not among them, and how many.
+        odd: what is true of some of the kept ones, and of how many.
+    """
+
+    name: str
+    kept: int
+    dropped: dict[str, int]
+    odd: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A file, examined.
+
+    Attributes:
+        format: ``d4rl``, ``minari`` or ``robomimic``.
+        observation: columns of an observation.
+        action: columns of an action.
+        lengths: steps of every episode.
+        returns: of every episode; empty where rewards are missing or not finite.
+        terminated: episodes that ended by themselves.
+        findings: most severe first.
+        modes: what every boundary mode yields.
+    """
+
+    format: str
+    observation: int
+    action: int
+    lengths: tuple[int, ...]
+    returns: tuple[float, ...]
+    terminated: int
+    findings: tuple[Finding, ...]
+    modes: tuple[Mode, ...]
+
+    @property
+    def usable(self) -> bool:
+        """Whether nothing keeps it from being trained on."""
+        return all(finding.severity != "problem" for finding in self.findings)
