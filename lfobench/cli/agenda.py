@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lfobench.contract.record import Warning
 from lfobench.contract.suite import Level, Operator
-from lfobench.data.build import ShardJob, missing_shards
+from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.engine.job import Job
 from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
@@ -17,6 +17,9 @@ from lfobench.plan.cells import Run
 from lfobench.plan.parts import SHARD_TRANSITIONS, PartRequest, requests
 from lfobench.plan.planning import Plan
 from lfobench.store.folder import RecordsRead
+
+IMPORT_SECONDS = 3.0
+"""Reading a file of some hundred megabytes; a guess, next to hours of training."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class Agenda:
     done: Sequence[Run]
     jobs: Sequence[Job]
     requests: Sequence[tuple[str, PartRequest]]
-    shards: Sequence[ShardJob]
+    shards: Sequence[ShardJob | ImportJob]
     cache: Path
     workers: int
     builders: int
@@ -112,8 +115,9 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
     known = [seconds for seconds in measured if seconds is not None]
     mean = sum(known) / len(known) if known else 1.0
     job_seconds = [mean if seconds is None else seconds for seconds in measured]
-    building = 0.0
-    for (task, level), shards in Counter((job.task, job.level) for job in agenda.shards).items():
+    building = sum(IMPORT_SECONDS for job in agenda.shards if isinstance(job, ImportJob))
+    made = Counter((job.task, job.level) for job in agenda.shards if isinstance(job, ShardJob))
+    for (task, level), shards in made.items():
         try:
             building += shards * _shard_seconds(agenda.plan, task, level, prober)
         except UserError:
@@ -130,6 +134,7 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
 
 def _shard_seconds(plan: Plan, task: str, level: Level, prober: Prober) -> float:
     environment = next(each for each in plan.tasks if each.name == task).environment
+    assert plan.suite.demonstrator is not None, "what cannot be generated has no shard job"
     maker = plan.suite.demonstrator(environment.name, level)
     if isinstance(maker, Operator):
         return prober.recording(maker)

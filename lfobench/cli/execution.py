@@ -16,14 +16,16 @@ from lfobench.cli.console import errors
 from lfobench.cli.inputs import warn
 from lfobench.cli.progress import JobLine, OverallLine, display
 from lfobench.contract.record import Warning
-from lfobench.data.build import ShardJob, build, check_present
+from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
+from lfobench.errors import UserError
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
 from lfobench.files import remove_leftovers, writable_folder
 from lfobench.plan.parts import build_command
+from lfobench.plan.sources import absent_files
 from lfobench.store.failures import write_failure
 from lfobench.store.folder import RecordFolder
 
@@ -89,6 +91,11 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
         UserError: for data that is damaged, or a folder that cannot be written into.
     """
     plan = agenda.plan
+    if absent := absent_files(plan.tasks):
+        raise UserError(
+            f"{len(absent)} data files are not here: {', '.join(file.name for file in absent)}.",
+            f"Fetch them: lfobench data download {plan.cells[0].suite} --source {plan.cells[0].source}",
+        )
     with errors.status("Checking the data…"):
         check_present(
             agenda.cache,
@@ -119,7 +126,7 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
     return 0
 
 
-def build_data(shards: Sequence[ShardJob], workers: int, stop: StopRequest, quiet: bool = False) -> None:
+def build_data(shards: Sequence[ShardJob | ImportJob], workers: int, stop: StopRequest, quiet: bool = False) -> None:
     """Build shards with a progress bar; a stop leaves whole shards only."""
     if not shards:
         return

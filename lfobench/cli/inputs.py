@@ -43,10 +43,12 @@ def resolve(wanted: Request, tuned_in: Path | None = None) -> Plan:
     """
     import torch
 
+    from lfobench.data.library import Library
+    from lfobench.files import cache_folder
     from lfobench.plan.planning import make_plan
     from lfobench.store.tuning import TuningFolder, with_choices
 
-    plan = make_plan(wanted, torch.cuda.is_available)
+    plan = make_plan(wanted, torch.cuda.is_available, Library(cache_folder()).find)
     return plan if tuned_in is None else with_choices(plan, wanted, TuningFolder(tuned_in))
 
 

@@ -26,7 +26,13 @@ Workers = Annotated[
     int | None, typer.Option(min=1, help="Jobs at once. Default: what the cores, or the device's memory, hold.")
 ]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Print the plan and stop.")]
-Source = Annotated[str, typer.Option(help="Where data comes from: generated.")]
+Source = Annotated[
+    str,
+    typer.Option(
+        help="Where data comes from: generated, a source that the suite declares (d4rl, minari, …), or files of yours, "
+        "offline=PATH,expert=PATH. auto: generated where the suite can."
+    ),
+]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda.")]
 Precision = Annotated[
     str,

@@ -14,7 +14,7 @@ from lfobench.cli.agenda import Agenda, Forecast
 from lfobench.cli.console import duration, output
 from lfobench.cli.inputs import warn
 from lfobench.contract.suite import Task
-from lfobench.data.build import ShardJob, missing_shards
+from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.data.cache import PartCache
 from lfobench.plan.names import select_tasks, split_names
 from lfobench.plan.parts import PartRequest, requests
@@ -112,7 +112,7 @@ def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
     }
 
 
-def shards_of_suite(suite: str, tasks: str | None, protocol: str, root: Path) -> list[ShardJob]:
+def shards_of_suite(suite: str, tasks: str | None, protocol: str, root: Path) -> list[ShardJob | ImportJob]:
     """The shards that the chosen tasks of a suite lack under a protocol."""
     return missing_shards(root, suite, _requests_of_suite(suite, tasks, protocol))
 
@@ -138,7 +138,7 @@ def data_status(suite: str, tasks: str | None, protocol: str, root: Path) -> lis
                 "task": task,
                 "part": request.specification.level,
                 "transitions": request.transitions,
-                "episodes": request.specification.episodes,
+                "episodes": getattr(request.specification, "episodes", None),
                 "shards": shards,
                 "shards_present": shards - len(cache.missing(request.transitions)),
                 "folder": str(cache.folder),

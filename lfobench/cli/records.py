@@ -54,7 +54,7 @@ def why(
     steps: options.Steps = None,
     preset: options.Preset = "released",
     assign: options.Assignments = None,
-    source: options.Source = "generated",
+    source: options.Source = "auto",
     device: options.Device = "auto",
     precision: options.Precision = "auto",
     tuned: options.Tuned = False,

@@ -36,7 +36,7 @@ def tune(
     steps: options.Steps = None,
     preset: options.Preset = "released",
     assign: options.Assignments = None,
-    source: options.Source = "generated",
+    source: options.Source = "auto",
     device: options.Device = "auto",
     precision: options.Precision = "auto",
     workers: options.Workers = None,

@@ -10,13 +10,16 @@ import numpy as np
 
 from lfobench.contract.environment import Environment
 from lfobench.contract.episodes import Episodes, FloatArray
+from lfobench.contract.files import DataFile, Files, own_file
 from lfobench.contract.recipe import Level, Recipe, TrajectoryRecipe
 from lfobench.contract.scene import Scene
 
 __all__ = [
     "Budget",
+    "DataFile",
     "Demonstrator",
     "Environment",
+    "Files",
     "FloatArray",
     "Level",
     "Operator",
@@ -25,6 +28,7 @@ __all__ = [
     "Suite",
     "Task",
     "TrajectoryRecipe",
+    "own_file",
 ]
 
 
@@ -96,6 +100,8 @@ class Task:
         budgets: protocol name to what it means here; a protocol that is not named means what it always does.
         settings: fields of methods that this task's kind of data asks for, over any preset or protocol.
         grids: per method, the values of fields among which ``lfobench tune`` chooses.
+        files: source name to the files that it reads, e.g. ``d4rl``.
+        read_from: the files that are read, once a source is chosen; None generates the data.
     """
 
     name: str
@@ -106,6 +112,8 @@ class Task:
     budgets: Mapping[str, Budget] = field(default_factory=dict)
     settings: Settings = field(default_factory=dict)
     grids: Mapping[str, Mapping[str, tuple[Any, ...]]] = field(default_factory=dict)
+    files: Mapping[str, Files] = field(default_factory=dict)
+    read_from: Files | None = None
 
     def __post_init__(self) -> None:
         if self.paper_steps < 1:
@@ -120,7 +128,8 @@ class Suite:
         name: what ``--suite`` takes.
         summary: one line for ``lfobench ls suites``.
         tasks: in table order.
-        demonstrator: environment name and level to the policy, or the operator, that makes the data.
+        demonstrator: environment name and level to the policy, or the operator, that makes the data; None where
+            nothing of it can be generated.
         generation_seeds: environment name to the seed of its generated data; 0 where not named.
         scene: environment name to what a top view of it shows; None where there is nothing to be seen from above.
     """
@@ -128,7 +137,7 @@ class Suite:
     name: str
     summary: str
     tasks: tuple[Task, ...]
-    demonstrator: Callable[[str, Level], Demonstrator | Operator]
+    demonstrator: Callable[[str, Level], Demonstrator | Operator] | None
     generation_seeds: Mapping[str, int] = field(default_factory=dict)
     scene: Callable[[str], Scene] | None = None
 

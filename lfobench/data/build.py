@@ -1,4 +1,4 @@
-"""Building generated parts: shard by shard, in parallel, resumable at every shard."""
+"""Building parts: shard by shard, in parallel, resumable at every shard."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from pathlib import Path
 from lfobench.contract.suite import Level, Operator
 from lfobench.data.cache import PartCache
 from lfobench.data.generated import record, roll_out
+from lfobench.data.isolated import import_file
 from lfobench.errors import UserError
+from lfobench.plan.file_parts import FilePart
 from lfobench.plan.parts import PartRequest, specification
 from lfobench.processes import die_with_parent, interrupts_held
 from lfobench.registry import load_suite
@@ -30,14 +32,32 @@ class ShardJob:
     episodes: int | None = None
 
 
-def missing_shards(root: Path, suite: str, wanted: Sequence[tuple[str, PartRequest]]) -> list[ShardJob]:
-    """The shards that the requests (task name, part) lack, each once."""
-    jobs: dict[Path, ShardJob] = {}
+@dataclass(frozen=True)
+class ImportJob:
+    """A file whose shard is missing."""
+
+    root: Path
+    task: str
+    part: FilePart
+    path: Path
+
+    @property
+    def level(self) -> str:
+        """What messages call the part."""
+        return self.part.level
+
+
+def missing_shards(root: Path, suite: str, wanted: Sequence[tuple[str, PartRequest]]) -> list[ShardJob | ImportJob]:
+    """The shards that the requests (task name, part) lack, each once; of a file that is not here, none can be made."""
+    jobs: dict[Path, ShardJob | ImportJob] = {}
     for task, request in wanted:
-        cache = PartCache(root, request.specification)
+        part = request.specification
+        cache = PartCache(root, part)
         for shard in cache.missing(request.transitions):
-            part = request.specification
-            jobs[cache.path(shard)] = ShardJob(root, suite, task, part.level, shard, part.episodes)
+            if not isinstance(part, FilePart):
+                jobs[cache.path(shard)] = ShardJob(root, suite, task, part.level, shard, part.episodes)
+            elif request.path is not None:
+                jobs[cache.path(shard)] = ImportJob(root, task, part, Path(request.path))
     return list(jobs.values())
 
 
@@ -61,16 +81,20 @@ def check_present(root: Path, wanted: Iterable[tuple[str, PartRequest]], rebuild
         PartCache(root, request.specification).check(request.transitions, rebuild(task))
 
 
-def build_shard(job: ShardJob) -> ShardJob:
-    """Roll out and store one shard.
+def build_shard(job: ShardJob | ImportJob) -> ShardJob | ImportJob:
+    """Make and store one shard: roll it out, record it, or read it from a file.
 
     Raises:
-        UserError: when the disk refuses, or the suite's simulator or demonstrator fails.
+        UserError: when the disk refuses, the suite's simulator or demonstrator fails, or the file cannot be used.
     """
+    if isinstance(job, ImportJob):
+        import_file(job.root, job.path, job.part)
+        return job
     suite = load_suite(job.suite)
     task = next(task for task in suite.tasks if task.name == job.task)
     part = specification(suite, task, job.level, job.episodes)
     try:
+        assert suite.demonstrator is not None, "parts are specified before they are built"
         maker = suite.demonstrator(task.environment.name, job.level)
         episodes = record(part, maker) if isinstance(maker, Operator) else roll_out(part, maker, job.shard)
     except Exception as error:
@@ -82,7 +106,7 @@ def build_shard(job: ShardJob) -> ShardJob:
     return job
 
 
-def build(jobs: Sequence[ShardJob], workers: int) -> Iterator[ShardJob]:
+def build(jobs: Sequence[ShardJob | ImportJob], workers: int) -> Iterator[ShardJob | ImportJob]:
     """Build every job, yielding each as it is stored; closing the iterator stops after the running ones."""
     if workers == 1 or len(jobs) == 1:
         yield from map(build_shard, jobs)
@@ -90,7 +114,7 @@ def build(jobs: Sequence[ShardJob], workers: int) -> Iterator[ShardJob]:
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context, initializer=die_with_parent)
     with interrupts_held():
-        pending: set[Future[ShardJob]] = {pool.submit(build_shard, job) for job in jobs}
+        pending: set[Future[ShardJob | ImportJob]] = {pool.submit(build_shard, job) for job in jobs}
     try:
         while pending:
             done, pending = wait(pending, return_when=FIRST_COMPLETED)

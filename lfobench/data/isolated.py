@@ -25,7 +25,7 @@ from pydantic import TypeAdapter
 from lfobench.contract.diagnosis import Diagnosis
 from lfobench.data.cache import PartCache
 from lfobench.data.doctor import diagnose
-from lfobench.data.readers.checks import check
+from lfobench.data.readers.checks import check, with_columns
 from lfobench.data.readers.formats import read
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
 from lfobench.errors import UserError
@@ -102,7 +102,8 @@ def _import(root: Path, path: Path, part: FilePart) -> None:
     with _problems_named(path):
         reading = read(path, part.horizon)
         check(reading)
-    PartCache(root, part).write(0, reading.episodes)
+        episodes = with_columns(reading.episodes, part.columns)
+    PartCache(root, part).write(0, episodes)
 
 
 def _examine(path: Path, horizon: int | None) -> Diagnosis:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from lfobench.contract.episodes import Episodes
+from lfobench.contract.files import DataFile
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.suite import Recipe, Suite, Task, TrajectoryRecipe
 from lfobench.data import boundaries
@@ -62,9 +64,26 @@ def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryR
     )
     if isinstance(recipe, TrajectoryRecipe):
         _check_actions(task, recipe, offline, expert)
+    if task.read_from is not None:
+        _check_columns(task, {task.read_from.offline: offline, task.read_from.expert: expert})
     if isinstance(recipe, TrajectoryRecipe) and recipe.equal_transitions:
         offline = offline.first_transitions(expert.transitions)
     return TaskData(task, recipe, offline, expert, {"offline": offline_mark, "expert": expert_mark})
+
+
+def _check_columns(task: Task, parts: Mapping[DataFile | None, Episodes]) -> None:
+    simulator = task.environment.make()
+    spaces = {"observations": simulator.observation_space.shape, "actions": simulator.action_space.shape}
+    simulator.close()
+    for file, episodes in parts.items():
+        for field, shape in spaces.items():
+            found = getattr(episodes, field).shape[1:]
+            if file is not None and found != shape:
+                raise UserError(
+                    f"The data file {file.path} is not of {task.name}: its {field} have {found[0]} columns, those of "
+                    f"{task.environment.id} {shape[0] if shape else 0}.",
+                    "Name another file, or another task with --tasks.",
+                )
 
 
 def _check_actions(task: Task, recipe: TrajectoryRecipe, offline: Episodes, expert: Episodes) -> None:

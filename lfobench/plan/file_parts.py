@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from lfobench.contract.files import DataFile
 from lfobench.contract.record import content_hash
 
 READERS = 1
@@ -18,20 +19,24 @@ class FilePart:
 
     Attributes:
         name: what the file is called, e.g. ``hopper-random-v2``.
-        sha256: of its bytes.
+        sha256: of its bytes; empty of a file that is not here.
         horizon: steps after which an episode is cut, where the file does not say.
+        columns: how many of an observation's columns are read; None reads all.
         readers: version of the readers.
     """
 
     name: str
     sha256: str
     horizon: int
+    columns: int | None = None
     readers: int = READERS
 
     @property
     def identity(self) -> dict[str, Any]:
         """As plain JSON data; neither the file's name nor where it lies is among it."""
-        return {"sha256": self.sha256, "horizon": self.horizon, "readers": self.readers}
+        if not self.sha256:
+            return {"absent": self.name}
+        return {"sha256": self.sha256, "horizon": self.horizon, "columns": self.columns, "readers": self.readers}
 
     @cached_property
     def hash(self) -> str:
@@ -51,3 +56,8 @@ class FilePart:
     def shards_for(self, transitions: int | None) -> int:
         """A file is one shard, however much of it is read."""
         return 1
+
+
+def file_part(file: DataFile, horizon: int) -> FilePart:
+    """The part that a file is in an environment of that horizon."""
+    return FilePart(file.name, file.sha256 or "", horizon, file.columns)

@@ -8,10 +8,11 @@ from functools import cached_property
 from importlib.metadata import version
 from typing import Any
 
+from lfobench.contract.files import DataFile
 from lfobench.contract.record import content_hash
 from lfobench.contract.suite import Environment, Level, Operator, Recipe, Suite, Task, TrajectoryRecipe
 from lfobench.errors import UserError
-from lfobench.plan.file_parts import FilePart
+from lfobench.plan.file_parts import FilePart, file_part
 
 SHARD_TRANSITIONS = 10_000
 FORMAT = 2
@@ -86,10 +87,17 @@ Part = PartSpecification | FilePart
 
 @dataclass(frozen=True)
 class PartRequest:
-    """A part and how many of its transitions a task reads; None reads a recorded part, which has one length."""
+    """A part and how many of its transitions a task reads.
 
-    specification: PartSpecification
+    Attributes:
+        specification: what the part is.
+        transitions: None reads a recorded part, which has one length.
+        path: of the file that it is made of, if it is.
+    """
+
+    specification: Part
     transitions: int | None
+    path: str | None = None
 
 
 def specification(suite: Suite, task: Task, level: Level, episodes: int | None = None) -> PartSpecification:
@@ -98,6 +106,11 @@ def specification(suite: Suite, task: Task, level: Level, episodes: int | None =
     Raises:
         UserError: when the suite's demonstrator cannot be had.
     """
+    if suite.demonstrator is None:
+        raise UserError(
+            f"Suite '{suite.name}' cannot generate the {level} part of {task.name}.",
+            f"Choose another --source: {', '.join(task.files) or 'offline=PATH,expert=PATH'}.",
+        )
     try:
         maker = suite.demonstrator(task.environment.name, level)
         fingerprint = maker.fingerprint
@@ -145,7 +158,14 @@ def requests(suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe) -> tup
     horizon = task.environment.horizon
     episodes = -(-recipe.expert_trajectories * horizon // max(horizon - 1, 1)) + 1
     expert_transitions = episodes * horizon
+    offline, expert = (None, None) if task.read_from is None else (task.read_from.offline, task.read_from.expert)
     return (
-        PartRequest(specification(suite, task, recipe.offline), recipe.offline_transitions),
-        PartRequest(specification(suite, task, recipe.expert), expert_transitions),
+        _request(suite, task, recipe.offline, offline, recipe.offline_transitions),
+        _request(suite, task, recipe.expert, expert, expert_transitions),
     )
+
+
+def _request(suite: Suite, task: Task, level: Level, file: DataFile | None, transitions: int) -> PartRequest:
+    if file is None:
+        return PartRequest(specification(suite, task, level), transitions)
+    return PartRequest(file_part(file, task.environment.horizon), transitions, file.path)

@@ -14,9 +14,9 @@ from lfobench.plan.names import parse_assignments, parse_seeds, select_tasks, sp
 from lfobench.plan.parts import requests, simulator_versions
 from lfobench.plan.precision import check_precision
 from lfobench.plan.protocol import Protocol, load_protocol
+from lfobench.plan.sources import Find, choose_source, nowhere, read_from
 from lfobench.registry import load_method, load_suite
 
-SOURCES = ("generated",)
 DEVICES = ("cpu", "cuda")
 
 
@@ -31,7 +31,7 @@ class Request:
     protocol: str = "auto"
     preset: str = "released"
     assignments: Sequence[str] = field(default_factory=tuple)
-    source: str = "generated"
+    source: str = "auto"
     device: str = "auto"
     steps: int | None = None
     precision: str = "auto"
@@ -68,12 +68,13 @@ class Plan:
         return list({cell.task.name: cell.task for cell in self.cells}.values())
 
 
-def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
+def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find = nowhere) -> Plan:
     """Resolve names to cells.
 
     Args:
         request: what was typed.
         cuda_available: asked only when the device is left to us or is CUDA.
+        find: looks for data files; asked only where the source has any.
 
     Raises:
         UserError: for anything that does not exist or does not parse; nothing has been written by then.
@@ -82,10 +83,10 @@ def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
     precision = check_precision(request.precision, device)
     protocol, reason = choose_protocol(request.protocol, device)
     protocol = replace(protocol, assigned_steps=request.steps)
-    if request.source not in SOURCES:
-        raise unknown_name("source", request.source, SOURCES)
     suite = load_suite(request.suite)
-    tasks = select_tasks(suite.tasks, ["*"] if request.tasks is None else split_names(request.tasks))
+    source, own = choose_source(request.source, suite)
+    chosen = select_tasks(suite.tasks, ["*"] if request.tasks is None else split_names(request.tasks))
+    tasks = read_from(chosen, source, own, find)
     names = split_names(request.methods)
     if not names:
         raise UserError("No method is named.", "Write, for example, --methods dilo,bc.")
@@ -104,7 +105,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool]) -> Plan:
             suite_name=suite.name,
             task=task,
             protocol=here,
-            source=request.source,
+            source=source,
             data=data,
             simulator=simulator,
             precision=precision,

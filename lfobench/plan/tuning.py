@@ -161,7 +161,7 @@ def tune_command(request: Request, protocol: str, lacking: Sequence[Search], out
         "--precision": request.precision,
         "--out": out,
     }
-    defaults = {"--preset": "released", "--source": "generated", "--device": "auto", "--precision": "auto"}
+    defaults = {"--preset": "released", "--source": "auto", "--device": "auto", "--precision": "auto"}
     words = ["lfobench", "tune"]
     for option, value in options.items():
         if value is not None and value != defaults.get(option):

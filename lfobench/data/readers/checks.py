@@ -1,10 +1,12 @@
-"""What training cannot do without: finite observations and actions."""
+"""What training cannot do without: finite observations and actions, and the columns that are to be read."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from lfobench.contract.episodes import BoolArray, IntArray
+from lfobench.contract.episodes import BoolArray, Episodes, IntArray
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
 from lfobench.data.readers.reading import Reading
 
@@ -25,6 +27,19 @@ def check(reading: Reading) -> None:
     _check("actions", np.isfinite(episodes.actions).all(axis=1))
     if reading.rewards:
         _check("rewards", np.isfinite(episodes.rewards))
+
+
+def with_columns(episodes: Episodes, columns: int | None) -> Episodes:
+    """The first `columns` of every observation; None keeps all.
+
+    Raises:
+        FileProblem: there are fewer.
+    """
+    if columns is None:
+        return episodes
+    if (there := episodes.observations.shape[1]) < columns:
+        raise FileProblem(f"field 'observations' has {there} columns, and {columns} are to be read", OTHER)
+    return replace(episodes, observations=np.ascontiguousarray(episodes.observations[:, :columns]))
 
 
 def _check(field: str, finite: BoolArray, rows: IntArray | None = None) -> None:

@@ -1,0 +1,61 @@
+"""Data files that others made, as a suite or a user names them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import PurePath
+
+from lfobench.contract.environment import Environment
+from lfobench.contract.recipe import Recipe
+
+
+@dataclass(frozen=True)
+class DataFile:
+    """A file, or the folder of a Minari dataset.
+
+    Attributes:
+        name: what its source calls it, e.g. ``hopper-random-v2``.
+        addresses: where it is to be had, the first that answers.
+        path: where it lies; None of a published one that is not here.
+        sha256: of its bytes, where it is here.
+        columns: how many of an observation's columns are read, from the first on; None reads all. D4RL's ant has 84
+            that are zero throughout.
+    """
+
+    name: str
+    addresses: tuple[str, ...] = ()
+    path: str | None = None
+    sha256: str | None = None
+    columns: int | None = None
+
+    def __post_init__(self) -> None:
+        if not self.addresses and self.path is None:
+            raise ValueError(f"data file '{self.name}' has neither an address nor a path")
+        if self.columns is not None and self.columns < 1:
+            raise ValueError(f"data file '{self.name}' has columns = {self.columns}; it must be at least 1")
+
+
+def own_file(path: str) -> DataFile:
+    """A user's file, called by its own name."""
+    return DataFile(PurePath(path).stem or path, path=path)
+
+
+@dataclass(frozen=True)
+class Files:
+    """What a task is read from instead of being generated.
+
+    Attributes:
+        offline: the poor part; None generates it.
+        expert: the expert part; None generates it.
+        environment: where policies are evaluated that learn from it; None keeps the task's.
+        recipe: how it is mixed; None keeps the task's.
+    """
+
+    offline: DataFile | None = None
+    expert: DataFile | None = None
+    environment: Environment | None = None
+    recipe: Recipe | None = None
+
+    def __post_init__(self) -> None:
+        if self.offline is None and self.expert is None:
+            raise ValueError("neither the offline nor the expert part is a file")

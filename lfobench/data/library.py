@@ -1,0 +1,158 @@
+"""Data files on this machine: where each lies and what its hash was when it was first used.
+
+Below the cache, ``files/<source>/<name>.json`` is the note of one file and, where it was downloaded, ``<name>.hdf5``
+is the file itself. A file that was adopted stays where it is. The hash is recorded on first use and compared ever
+after; the file is only read again for it when it looks changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from lfobench.contract.files import DataFile
+from lfobench.data.readers.formats import data_file
+from lfobench.data.readers.hdf5 import FileProblem
+from lfobench.errors import UserError
+from lfobench.files import write_text
+from lfobench.plan.sources import OWN
+
+FILES = "files"
+
+
+class Note(BaseModel):
+    """What is known of a file.
+
+    Attributes:
+        path: where it lies.
+        sha256: of its bytes, when it was first used.
+        stamp: size and times then or when its hash was last found unchanged.
+        address: where it was downloaded from; empty of one that was adopted, or is the user's own.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    path: str
+    sha256: str
+    stamp: tuple[int, int, int]
+    address: str = ""
+
+
+class Library(NamedTuple):
+    """The files that a cache knows of."""
+
+    cache: Path
+
+    def folder(self, source: str) -> Path:
+        """Where a source's notes and downloads lie."""
+        return self.cache / FILES / source
+
+    def place(self, source: str, file: DataFile) -> Path:
+        """Where a download of the file lies."""
+        return self.folder(source) / f"{file.name}.hdf5"
+
+    def note(self, source: str, file: DataFile) -> Note | None:
+        """What is known of a file; None where nothing is, or its note is damaged."""
+        try:
+            return Note.model_validate_json(self._note_path(source, file).read_bytes())
+        except (OSError, ValueError, ValidationError):
+            return None
+
+    def find(self, file: DataFile, source: str) -> DataFile:
+        """The file with its path and hash; as it is where it is not here.
+
+        A user's own file is taken as it is now. One of a source must be what it was when it was first used.
+
+        Raises:
+            UserError: an own file is not there, or another file has taken the place of a source's.
+        """
+        if source == OWN:
+            return self._own(file)
+        note = self.note(source, file)
+        path = Path(note.path) if note else self.place(source, file)
+        if not path.exists():
+            return file
+        return replace(file, path=str(path), sha256=self._known(source, file, note, path).sha256)
+
+    def take_in(self, source: str, file: DataFile, path: Path, address: str = "") -> Note:
+        """Note where a file lies and what its hash is.
+
+        Raises:
+            UserError: it cannot be read, or it is another file than the one that was first used.
+        """
+        earlier = self.note(source, file)
+        sha256 = _hash(path)
+        if earlier is not None and earlier.sha256 != sha256:
+            raise _changed(file, path, earlier.sha256, sha256, self._note_path(source, file))
+        note = Note(path=str(path), sha256=sha256, stamp=_stamp(path), address=address)
+        write_text(self._note_path(source, file), note.model_dump_json(indent=1) + "\n")
+        return note
+
+    def forget(self, source: str, file: DataFile) -> None:
+        """Remove the note of a file, and the file where it was downloaded; one that was adopted stays."""
+        self.place(source, file).unlink(missing_ok=True)
+        self._note_path(source, file).unlink(missing_ok=True)
+
+    def verify(self, source: str, file: DataFile) -> Note | None:
+        """Hash a file again, however it looks; None where it is not here.
+
+        Raises:
+            UserError: as `take_in` does.
+        """
+        note = self.note(source, file)
+        path = Path(note.path) if note else self.place(source, file)
+        return self.take_in(source, file, path, note.address if note else "") if path.exists() else None
+
+    def _own(self, file: DataFile) -> DataFile:
+        """By its path: two files of one name are two files."""
+        assert file.path is not None, "an own file is named by its path"
+        path = Path(file.path)
+        if not path.exists():
+            raise UserError(f"No data file {path}.", "Name another with --source.")
+        known = replace(file, name=hashlib.sha256(file.path.encode()).hexdigest()[:24])
+        note = self.note(OWN, known)
+        if note is None or note.stamp != _stamp(path):
+            note = Note(path=str(path), sha256=_hash(path), stamp=_stamp(path))
+            with suppress(UserError):  # it only saves hashing the file again
+                write_text(self._note_path(OWN, known), note.model_dump_json(indent=1) + "\n")
+        return replace(file, sha256=note.sha256)
+
+    def _known(self, source: str, file: DataFile, note: Note | None, path: Path) -> Note:
+        if note is not None and note.stamp == _stamp(path):
+            return note
+        return self.take_in(source, file, path, note.address if note else "")
+
+    def _note_path(self, source: str, file: DataFile) -> Path:
+        return self.folder(source) / f"{file.name}.json"
+
+
+def _stamp(path: Path) -> tuple[int, int, int]:
+    found = _content(path).stat()
+    return found.st_size, found.st_mtime_ns, found.st_ctime_ns
+
+
+def _hash(path: Path) -> str:
+    try:
+        with _content(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise UserError(f"Cannot read {path}: {error.strerror}.", "Name another file.") from error
+
+
+def _content(path: Path) -> Path:
+    try:
+        return data_file(path)
+    except FileProblem as problem:
+        raise UserError(f"The data file {path} cannot be used: {problem.cause}.", problem.remedy) from problem
+
+
+def _changed(file: DataFile, path: Path, before: str, now: str, note: Path) -> UserError:
+    return UserError(
+        f"{path} is not the {file.name} that was first used here: its SHA-256 was {before[:16]}… and is {now[:16]}….",
+        f"Put the old file back; or, if the new one is right, delete {note} and know that results are not comparable.",
+    )

@@ -1,0 +1,102 @@
+"""Where a task's data comes from: ``--source`` turned into tasks that know what they are read from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from lfobench.contract.files import DataFile, Files, own_file
+from lfobench.contract.suite import Suite, Task, TrajectoryRecipe
+from lfobench.errors import UserError, unknown_name
+from lfobench.plan.names import split_names
+
+GENERATED, OWN = "generated", "files"
+"""Made here; and files that the user names. Any other source is one that a suite declares."""
+
+PARTS = ("offline", "expert")
+
+Find = Callable[[DataFile, str], DataFile]
+"""A file and its source to the same file with its path and hash, where it is here."""
+
+
+def nowhere(file: DataFile, source: str) -> DataFile:
+    """Finds no file."""
+    return file
+
+
+def choose_source(text: str, suite: Suite) -> tuple[str, Files | None]:
+    """The source's name, and the files that the user names.
+
+    Args:
+        text: ``auto``, ``generated``, a source that the suite declares, or ``offline=PATH,expert=PATH``, of which one
+            may be left out.
+        suite: whose source it is; for ``auto``, what can be generated is, and else its first source is taken.
+
+    Raises:
+        UserError: an unknown source, or a path that does not say which part it is.
+    """
+    declared = list(dict.fromkeys(name for task in suite.tasks for name in task.files))
+    if text == "auto":
+        return (GENERATED if suite.demonstrator is not None or not declared else declared[0]), None
+    if "=" in text:
+        return OWN, _own(text)
+    if text == GENERATED or text in declared:
+        return text, None
+    if Path(text).exists() or text.endswith((".hdf5", ".h5")):
+        raise UserError(
+            f"--source {text} does not say which part the file is.",
+            f"Write --source offline={text}, --source expert={text}, or both parts, separated by a comma.",
+        )
+    raise unknown_name("source", text, ["auto", GENERATED, *declared, "offline=PATH,expert=PATH"])
+
+
+def _own(text: str) -> Files:
+    parts: dict[str, DataFile] = {}
+    for pair in split_names(text):
+        part, _, path = pair.partition("=")
+        if part not in PARTS or not path:
+            raise UserError(f"--source {text}: '{pair}' is not a part and its path.", "Write offline=PATH,expert=PATH.")
+        parts[part] = own_file(str(Path(path).expanduser().resolve()))
+    return Files(offline=parts.get("offline"), expert=parts.get("expert"))
+
+
+def read_from(tasks: Sequence[Task], source: str, own: Files | None, find: Find) -> list[Task]:
+    """The tasks as a source has them: read from its files, in its environments, mixed by its recipes.
+
+    Raises:
+        UserError: a task that the source does not have, or files for a recipe of recorded trajectories.
+    """
+    if source == GENERATED:
+        return list(tasks)
+    found = []
+    for task in tasks:
+        files = own or task.files.get(source)
+        if files is None:
+            others = [GENERATED, *task.files]
+            raise UserError(f"Task '{task.name}' has no source '{source}'.", f"It has: {', '.join(others)}.")
+        if isinstance(task.recipe, TrajectoryRecipe):
+            raise UserError(
+                f"The data of {task.name} are recordings of its own operators; no file takes their place.",
+                "Leave out --source.",
+            )
+        offline, expert = (None if file is None else find(file, source) for file in (files.offline, files.expert))
+        here = replace(files, offline=offline, expert=expert)
+        found.append(
+            replace(
+                task,
+                environment=files.environment or task.environment,
+                recipe=files.recipe or task.recipe,
+                read_from=here,
+            )
+        )
+    return found
+
+
+def absent_files(tasks: Sequence[Task]) -> list[DataFile]:
+    """Files that the tasks read and that are not here, each once."""
+    found: dict[str, DataFile] = {}
+    for task in tasks:
+        files = () if task.read_from is None else (task.read_from.offline, task.read_from.expert)
+        found |= {file.name: file for file in files if file is not None and file.sha256 is None}
+    return list(found.values())

@@ -1,0 +1,118 @@
+"""``--source``: what a task is read from, in which environment and by which recipe."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from lfobench.contract.files import DataFile, Files, own_file
+from lfobench.contract.suite import Environment, Suite, Task
+from lfobench.errors import UserError
+from lfobench.plan.file_parts import FilePart
+from lfobench.plan.parts import requests
+from lfobench.plan.planning import Request, make_plan
+from lfobench.plan.sources import absent_files, choose_source, nowhere, read_from
+from lfobench.registry import load_suite
+
+TINY = str(Path(__file__).parents[1] / "tiny_suite.py")
+OFFLINE, EXPERT = (
+    DataFile("there-random-v2", ("https://example.org/a",)),
+    DataFile("there-expert-v2", ("https://e.org/b",)),
+)
+ELSEWHERE = Environment("pole", "CartPole-v1", 77, 0.0, 1.0)
+
+
+@pytest.fixture
+def suite() -> Suite:
+    loaded = load_suite(TINY)
+    first, *others = loaded.tasks
+    with_files = replace(first, files={"there": Files(OFFLINE, EXPERT, environment=ELSEWHERE)})
+    return replace(loaded, tasks=(with_files, *others))
+
+
+def here(file: DataFile, source: str) -> DataFile:
+    return replace(file, path=f"/data/{source}/{file.name}", sha256="5" * 64)
+
+
+def test_auto_generates_where_the_suite_can(suite: Suite) -> None:
+    assert choose_source("auto", suite) == ("generated", None)
+    assert choose_source("auto", replace(suite, demonstrator=None)) == ("there", None)
+    assert choose_source("generated", suite) == ("generated", None)
+
+
+def test_own_files_by_part(suite: Suite) -> None:
+    name, files = choose_source("expert=~/one.hdf5, offline=two.hdf5", suite)
+    assert name == "files"
+    assert files == Files(own_file(str(Path("two.hdf5").resolve())), own_file(str(Path("~/one.hdf5").expanduser())))
+    assert choose_source("expert=a.hdf5", suite)[1] == Files(expert=own_file(str(Path("a.hdf5").resolve())))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("theer", "Did you mean 'there'"),
+        ("some.hdf5", "does not say which part the file is.*--source offline=some.hdf5"),
+        ("middle=a.hdf5", "'middle=a.hdf5' is not a part and its path"),
+        ("offline=", "'offline=' is not a part and its path"),
+    ],
+)
+def test_what_is_no_source_is_refused(suite: Suite, text: str, said: str) -> None:
+    with pytest.raises(UserError, match=said):
+        choose_source(text, suite)
+
+
+def test_a_source_has_its_own_environment_and_hashes(suite: Suite) -> None:
+    task = suite.tasks[0]
+    (read,) = read_from([task], "there", None, here)
+    assert read.environment == ELSEWHERE and read.recipe == task.recipe
+    offline, expert = requests(suite, read, read.recipe)
+    assert (offline.path, expert.path) == ("/data/there/there-random-v2", "/data/there/there-expert-v2")
+    assert offline.specification == FilePart("there-random-v2", "5" * 64, 77)
+    assert absent_files([read]) == []
+
+
+def test_a_part_that_is_no_file_is_generated(suite: Suite) -> None:
+    (read,) = read_from([suite.tasks[0]], "files", Files(expert=own_file("/data/a.hdf5")), here)
+    offline, expert = requests(suite, read, read.recipe)
+    assert offline == requests(suite, suite.tasks[0], suite.tasks[0].recipe)[0]
+    assert isinstance(expert.specification, FilePart)
+    assert read.environment == suite.tasks[0].environment
+
+
+def test_files_that_are_not_here_can_be_planned_and_are_named_once(suite: Suite) -> None:
+    twice = [suite.tasks[0], replace(suite.tasks[0], name="again")]
+    read = read_from(twice, "there", None, nowhere)
+    assert absent_files(read) == [OFFLINE, EXPERT]
+    offline, expert = requests(suite, read[0], read[0].recipe)
+    assert offline.path is None
+    assert offline.specification.hash != expert.specification.hash
+
+
+def test_a_task_that_a_source_does_not_have(suite: Suite) -> None:
+    with pytest.raises(UserError, match=f"Task '{suite.tasks[1].name}' has no source 'there'. It has: generated."):
+        read_from(suite.tasks, "there", None, here)
+
+
+def test_what_cannot_be_generated_says_what_can_be_read(suite: Suite) -> None:
+    bare = replace(suite, demonstrator=None)
+    task: Task = bare.tasks[0]
+    with pytest.raises(UserError, match="cannot generate the .* part of .*Choose another --source: there"):
+        requests(bare, task, task.recipe)
+
+
+def test_recordings_are_not_replaced_by_files() -> None:
+    with pytest.raises(UserError, match="recordings of its own operators"):
+        make_plan(Request("bc", "airhockey", source="offline=/a.hdf5"), lambda: False, here)
+
+
+def test_the_data_of_a_cell_is_the_content_of_its_files() -> None:
+    def plan(digit: str) -> dict[str, str]:
+        request = Request("bc", TINY, protocol="smoke", source="expert=/a.hdf5")
+        cells = make_plan(request, lambda: False, lambda file, _: replace(file, sha256=digit * 64)).cells
+        assert cells[0].identity["source"] == "files"
+        return dict(cells[0].data)
+
+    assert plan("5")["expert"] != plan("6")["expert"]
+    assert plan("5")["offline"] == plan("6")["offline"]
