@@ -3,11 +3,17 @@
 {random, medium} x {expert: K = 200 trajectories, few-expert: K = 30}, one million offline transitions each.
 Returns are those of Gymnasium's ``-v5`` environments, normalised with D4RL's references (methods.md 5.1).
 Ant is the 27-dimensional form: D4RL's other 84 columns are zero.
+
+D4RL's files were made on ``-v2``, to which ``-v4`` is the closest that still runs (``dependencies.md`` 2.2); Minari's
+``mujoco/*`` datasets are other data, made on ``-v5``, and have nothing random.
 """
 
 from __future__ import annotations
 
-from lfobench.contract.suite import Environment, Level, Recipe, Suite, Task
+from dataclasses import replace
+
+from lfobench.contract.suite import Environment, Files, Level, Recipe, Suite, Task
+from suites import d4rl, minari
 from suites.demonstrators import load
 
 ENVIRONMENTS = (
@@ -25,6 +31,25 @@ GENERATION_SEEDS = {"hopper": 0, "halfcheetah": 0, "walker2d": 2, "ant": 0}
 OFFLINE_LEVELS: tuple[Level, ...] = ("random", "medium")
 
 
+# Of D4RL's 111 columns of ant, and of Minari's 105, what the bodies' own state is.
+COLUMNS = {"ant": 27}
+
+
+def _files(environment: Environment, offline: Level) -> dict[str, Files]:
+    name, columns = environment.name, COLUMNS.get(environment.name)
+    found = {
+        "d4rl": Files(
+            offline=d4rl.locomotion(name, offline, columns),
+            expert=d4rl.locomotion(name, "expert", columns),
+            environment=replace(environment, id=environment.id.replace("-v5", "-v4"), arguments={}),
+        )
+    }
+    if offline != "random":
+        medium, expert = (minari.dataset(f"mujoco/{name}/{level}-v0", columns) for level in (offline, "expert"))
+        found["minari"] = Files(offline=medium, expert=expert)
+    return found
+
+
 def _task(environment: Environment, offline: Level, mix: str) -> Task:
     recipe = Recipe(
         offline=offline,
@@ -39,6 +64,7 @@ def _task(environment: Environment, offline: Level, mix: str) -> Task:
         environment=environment,
         recipe=recipe,
         paper_steps=PAPER_STEPS[mix],
+        files=_files(environment, offline),
     )
 
 

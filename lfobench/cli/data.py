@@ -1,4 +1,4 @@
-"""``lfobench data``: make the generated data, and say what is there."""
+"""``lfobench data``: files and generated data: what is there, and making what is not."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ from typing import Annotated, Any
 
 import typer
 
-from lfobench.cli import options
+from lfobench.cli import data_files, options
 from lfobench.cli.console import output, print_json
 from lfobench.cli.doctor import doctor
 
-app = typer.Typer(name="data", help="Datasets: build, status, doctor.", no_args_is_help=True)
+app = typer.Typer(name="data", help="Datasets: what is needed and here, fetch, check, build.", no_args_is_help=True)
+app.command(name="ls")(data_files.list_files)
+app.command()(data_files.download)
+app.command()(data_files.verify)
 app.command()(doctor)
+app.command(name="rm")(data_files.remove)
 
 SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, or the path of its file.")]
 

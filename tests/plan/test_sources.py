@@ -98,7 +98,7 @@ def test_a_task_that_a_source_does_not_have(suite: Suite) -> None:
 def test_what_cannot_be_generated_says_what_can_be_read(suite: Suite) -> None:
     bare = replace(suite, demonstrator=None)
     task: Task = bare.tasks[0]
-    with pytest.raises(UserError, match="cannot generate the .* part of .*Choose another --source: there"):
+    with pytest.raises(UserError, match=r"cannot generate the .* part of .*Choose another --source: there"):
         requests(bare, task, task.recipe)
 
 

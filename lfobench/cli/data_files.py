@@ -1,0 +1,184 @@
+"""``lfobench data ls | download | verify | rm``: the files of a suite's sources, on this machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lfobench.cli import options
+from lfobench.cli.console import errors, output, print_json
+
+if TYPE_CHECKING:
+    from lfobench.data.fetching import Wanted
+
+SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, or the path of its file.")]
+SourceOption = Annotated[str | None, typer.Option("--source", help="Only files of this source. Default: the first.")]
+AnySource = Annotated[str | None, typer.Option("--source", help="Only files of this source. Default: all.")]
+
+
+def list_files(
+    suite: Annotated[str | None, typer.Argument(help="A suite's name, or the path of its file. Default: all.")] = None,
+    tasks: options.Tasks = None,
+    source: AnySource = None,
+    as_json: options.Json = False,
+) -> None:
+    """What files each suite can be read from, which of them are here, and how large they are.
+
+    Example: lfobench data ls locomotion --source d4rl
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    from lfobench.registry import suite_names
+
+    rows = [row for name in ([suite] if suite else suite_names()) for row in _rows(name, tasks, source)]
+    if as_json:
+        print_json(rows)
+        return
+    if not rows:
+        output.print("No data files: everything here is generated.")
+        return
+    table = Table("suite", "source")
+    for header in ("file", "tasks", "size", "where it lies"):
+        table.add_column(header, overflow="fold")
+    for row in rows:
+        size = "" if row["bytes"] is None else f"{row['bytes'] / 1e6:,.1f} MB"
+        where = escape(row["path"]) if row["path"] else "[dim]not here[/]"
+        table.add_row(escape(row["suite"]), row["source"], escape(row["file"]), str(len(row["tasks"])), size, where)
+    output.print(table)
+
+
+def download(
+    suite: SuiteArgument,
+    tasks: options.Tasks = None,
+    source: SourceOption = None,
+    from_folder: Annotated[
+        Path | None,
+        typer.Option("--from", help="Use the files of this folder where they lie, e.g. ~/.d4rl/datasets; fetch none."),
+    ] = None,
+) -> None:
+    """Fetch the files of a suite, resumed where they broke off, each looked at before it counts.
+
+    LFOBENCH_MIRROR names folders on other hosts that are asked first.
+
+    Example: lfobench data download locomotion --source d4rl --tasks 'hopper-*'
+    """
+    from lfobench.cli.progress import display
+    from lfobench.data.fetching import adopt, bring
+    from lfobench.errors import UserError
+
+    library, wanted = _library(), _wanted(suite, tasks, source)
+    absent, refused = [], []
+    with display(quiet=False) as shown:
+        for number, each in enumerate(wanted, start=1):
+            name = each.file.name
+            bar = shown.bars.add_task(name, total=None, count=f"{number}/{len(wanted)}", note="")
+
+            def report(here: int, total: int | None, bar: Any = bar) -> None:
+                shown.bars.update(bar, completed=here, total=total, note=f"{here / 1e6:,.1f} MB")
+                shown.tick()
+
+            try:
+                note = bring(library, each, report) if from_folder is None else adopt(library, each, from_folder)
+            except UserError as refusal:
+                refused.append(refusal)
+                continue
+            finally:
+                shown.bars.remove_task(bar)
+            if note is None:
+                absent.append(name)
+            else:
+                errors.print(f"{name}: {note.path}, SHA-256 {note.sha256[:16]}…", soft_wrap=True)
+    if absent:
+        errors.print(f"Not in {from_folder}: {', '.join(absent)}.", soft_wrap=True)
+    if refused:
+        for other in refused[1:]:
+            errors.print(str(other), soft_wrap=True)
+        raise refused[0]
+    raise typer.Exit(1 if absent else 0)
+
+
+def verify(suite: SuiteArgument, tasks: options.Tasks = None, source: AnySource = None) -> None:
+    """Hash the files that are here again, and compare with what they were on first use.
+
+    Example: lfobench data verify locomotion
+    """
+    library, here = _library(), 0
+    for each in _wanted(suite, tasks, source, every=True):
+        if (note := library.verify(each.source, each.file)) is not None:
+            output.print(f"{each.source} {each.file.name}: unchanged, SHA-256 {note.sha256}", soft_wrap=True)
+            here += 1
+    output.print(f"{here} files are what they were." if here else "None of the files is here.")
+
+
+def remove(
+    suite: SuiteArgument,
+    tasks: options.Tasks = None,
+    source: AnySource = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+) -> None:
+    """Forget the files of a suite; what was downloaded is deleted, what was adopted stays where it lies.
+
+    Example: lfobench data rm locomotion --source d4rl
+    """
+    library = _library()
+    here = [each for each in _wanted(suite, tasks, source, every=True) if library.note(each.source, each.file)]
+    if not here:
+        output.print("None of the files is here.")
+        return
+    names = ", ".join(each.file.name for each in here)
+    if not yes and not typer.confirm(f"Remove {names}?"):
+        raise typer.Exit(1)
+    for each in here:
+        library.forget(each.source, each.file)
+    output.print(f"Removed {len(here)} files.")
+
+
+def _library() -> Any:
+    from lfobench.data.library import Library
+    from lfobench.files import cache_folder
+
+    return Library(cache_folder())
+
+
+def _wanted(suite: str, tasks: str | None, source: str | None, every: bool = False) -> list[Wanted]:
+    """Files of the chosen tasks; without a source, of the suite's first one, or of `every` one."""
+    from lfobench.data.fetching import wanted_files
+    from lfobench.errors import UserError, unknown_name
+    from lfobench.plan.names import select_tasks, split_names
+    from lfobench.registry import load_suite
+
+    loaded = load_suite(suite)
+    chosen = select_tasks(loaded.tasks, ["*"] if tasks is None else split_names(tasks))
+    declared = list(dict.fromkeys(name for task in chosen for name in task.files))
+    if source is not None and source not in declared:
+        raise unknown_name(f"source of {loaded.name}", source, declared)
+    if not declared and not every:
+        raise UserError(f"Suite '{loaded.name}' has no data files.", "Its data is generated: lfobench data build.")
+    return wanted_files(chosen, [source] if source is not None else None if every else declared[:1])
+
+
+def _rows(suite: str, tasks: str | None, source: str | None) -> list[dict[str, Any]]:
+    from lfobench.data.readers.formats import data_file
+    from lfobench.registry import load_suite
+
+    library, rows = _library(), []
+    for each in _wanted(suite, tasks, source, every=True):
+        note = library.note(each.source, each.file)
+        path = Path(note.path) if note else library.place(each.source, each.file)
+        here = path.exists()
+        rows.append(
+            {
+                "suite": load_suite(suite).name,
+                "source": each.source,
+                "file": each.file.name,
+                "tasks": list(each.tasks),
+                "addresses": list(each.file.addresses),
+                "path": str(path) if here else None,
+                "bytes": data_file(path).stat().st_size if here else None,
+                "sha256": note.sha256 if note else None,
+            }
+        )
+    return rows

@@ -1,0 +1,33 @@
+"""The data files of D4RL that the seed paper's recipes read, and the form that each has (``datasets.md``).
+
+One host serves them, over plain HTTP and without checksums: ``lfobench data download`` records the hash on first use.
+"""
+
+from __future__ import annotations
+
+from lfobench.contract.files import DataFile
+
+HOST = "http://rail.eecs.berkeley.edu/datasets/offline_rl"
+
+_ADROIT = {"human": "v0_demos_clipped", "cloned": "demos-v0-bc-combined", "expert": "v0_expert_clipped"}
+_KITCHEN = {
+    "complete": "mini_kitchen_microwave_kettle_light_slider-v0",
+    "partial": "kitchen_microwave_kettle_light_slider-v0",
+    "mixed": "kitchen_microwave_kettle_bottomburner_light-v0",
+}
+
+
+def locomotion(environment: str, level: str, columns: int | None = None) -> DataFile:
+    """``hopper``, ``random`` to ``hopper-random-v2``."""
+    address = f"{HOST}/gym_mujoco_v2/{environment}_{level}-v2.hdf5"
+    return DataFile(f"{environment}-{level}-v2", (address,), columns=columns)
+
+
+def adroit(environment: str, level: str) -> DataFile:
+    """``pen``, ``cloned`` to ``pen-cloned-v0``."""
+    return DataFile(f"{environment}-{level}-v0", (f"{HOST}/hand_dapg/{environment}-{_ADROIT[level]}.hdf5",))
+
+
+def kitchen(level: str) -> DataFile:
+    """``partial`` to ``kitchen-partial-v0``."""
+    return DataFile(f"kitchen-{level}-v0", (f"{HOST}/kitchen/{_KITCHEN[level]}.hdf5",))

@@ -1,0 +1,251 @@
+"""Downloads from a host that truncates, stalls, redirects, lies and refuses: whole and looked at, or not at all."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+
+from lfobench.data import download
+from lfobench.data.download import Fetched, fetch
+from lfobench.errors import UserError
+
+CONTENT = bytes(range(256)) * 400
+Answer = Callable[["Host"], None]
+
+
+class Host(BaseHTTPRequestHandler):
+    """Answers by the path's first part; counts requests, and remembers the ranges that were asked for."""
+
+    asked: list[str]
+
+    def do_GET(self) -> None:
+        type(self).asked.append(f"{self.path} {self.headers.get('Range', '')}".strip())
+        ANSWERS[self.path.split("/")[1]](self)
+
+    def log_message(self, *_: object) -> None:
+        """Silent."""
+
+    @property
+    def start(self) -> int:
+        return int(self.headers.get("Range", "bytes=0-").removeprefix("bytes=").rstrip("-"))
+
+    def send(self, content: bytes, status: int = 200, **headers: object) -> None:
+        self.send_response(status)
+        for name, value in ({"Content_Length": len(content)} | headers).items():
+            self.send_header(name.replace("_", "-"), str(value))
+        self.end_headers()
+        self.wfile.write(content)
+
+    def continued(self, content: bytes) -> None:
+        place = f"bytes {self.start}-{len(CONTENT) - 1}/{len(CONTENT)}"
+        self.send(content, 206, Content_Range=place, Content_Length=len(CONTENT) - self.start)
+
+    @property
+    def times(self) -> int:
+        return sum(line.startswith(self.path) for line in type(self).asked)
+
+
+def whole(host: Host) -> None:
+    host.send(CONTENT)
+
+
+def breaks_off(host: Host) -> None:
+    """Two blocks a time; what is asked to continue continues."""
+    piece = CONTENT[host.start : host.start + 32_768]
+    if host.start:
+        host.continued(piece)
+    else:
+        host.send(piece, Content_Length=len(CONTENT))
+
+
+def breaks_off_without_ranges(host: Host) -> None:
+    host.send(CONTENT if host.times == 3 else CONTENT[: 20_000 * host.times], Content_Length=len(CONTENT))
+
+
+def always_short(host: Host) -> None:
+    host.send(CONTENT[:1000], Content_Length=len(CONTENT))
+
+
+def longer_than_said(host: Host) -> None:
+    host.send(CONTENT, Content_Length=1000)
+
+
+def other_place(host: Host) -> None:
+    if not host.start:
+        host.send(CONTENT[:5000], Content_Length=len(CONTENT))
+    elif host.times == 2:
+        host.send(CONTENT[:10], 206, Content_Range=f"bytes 0-9/{len(CONTENT)}")
+
+
+def stalls(host: Host) -> None:
+    host.send(CONTENT[:1000], Content_Length=len(CONTENT))
+    host.wfile.flush()
+    time.sleep(1.0)
+
+
+def redirects(host: Host) -> None:
+    host.send(b"", 302, Location="/whole/file")
+
+
+def in_circles(host: Host) -> None:
+    host.send(b"", 302, Location=host.path)
+
+
+def page(host: Host) -> None:
+    host.send(b"<html>Log in</html>")
+
+
+ANSWERS: dict[str, Answer] = {
+    "whole": whole,
+    "breaks-off": breaks_off,
+    "no-ranges": breaks_off_without_ranges,
+    "always-short": always_short,
+    "longer": longer_than_said,
+    "other-place": other_place,
+    "stalls": stalls,
+    "redirects": redirects,
+    "circles": in_circles,
+    "page": page,
+    "403": lambda host: host.send(b"no", 403),
+    "404": lambda host: host.send(b"no", 404),
+    "500": lambda host: host.send(b"no", 500),
+}
+
+
+@pytest.fixture
+def host(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    monkeypatch.delenv(download.MIRROR, raising=False)
+    monkeypatch.setattr(download, "SILENT_SECONDS", 0.3)
+    Host.asked = []
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Host)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+def look(path: Path) -> None:
+    if path.read_bytes() != CONTENT:
+        raise UserError(f"{path} is not what it should be.")
+
+
+def get(target: Path, *addresses: str) -> Fetched:
+    return fetch("the file", addresses, target, look, lambda here, total: None)
+
+
+def left(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir() if path.suffix != ".lock"}
+
+
+@pytest.mark.parametrize("kind", ["whole", "breaks-off", "no-ranges", "redirects"])
+def test_what_arrives_in_the_end_is_whole(tmp_path: Path, host: str, kind: str) -> None:
+    fetched = get(tmp_path / "file", f"{host}/{kind}/file")
+    assert fetched == Fetched(tmp_path / "file", f"{host}/{kind}/file")
+    assert (tmp_path / "file").read_bytes() == CONTENT
+    assert left(tmp_path) == {"file"}
+
+
+def test_a_broken_download_continues_where_it_broke(tmp_path: Path, host: str) -> None:
+    get(tmp_path / "file", f"{host}/breaks-off/file")
+    assert [line.partition(" ")[2] for line in Host.asked] == ["", *(f"bytes={n}-" for n in (32_768, 65_536, 98_304))]
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("always-short", "1,000 of 102,400 bytes|broke off|IncompleteRead"),
+        ("longer", "is not what it should be"),
+        ("stalls", "does not answer|timed out"),
+        ("circles", "in circles"),
+        ("page", "is not what it should be"),
+        ("403", "403 Forbidden"),
+        ("404", "404 Not Found"),
+        ("500", "500 Internal"),
+    ],
+)
+def test_what_does_not_arrive_takes_no_name(tmp_path: Path, host: str, kind: str, said: str) -> None:
+    with pytest.raises(UserError, match=said) as caught:
+        get(tmp_path / "file", f"{host}/{kind}/file")
+    assert "the file could not be fetched" in caught.value.problem
+    for way_out in ("LFOBENCH_MIRROR", str(tmp_path / "file"), "--source generated"):
+        assert way_out in caught.value.remedy
+    assert "file" not in left(tmp_path)
+
+
+def test_a_continuation_from_another_place_is_not_appended(tmp_path: Path, host: str) -> None:
+    with pytest.raises(UserError):
+        get(tmp_path / "file", f"{host}/other-place/file")
+    assert "file" not in left(tmp_path)
+
+
+def test_the_next_address_is_tried_and_starts_anew(tmp_path: Path, host: str) -> None:
+    fetched = get(tmp_path / "file", f"{host}/404/file", f"{host}/always-short/file", f"{host}/whole/file")
+    assert fetched.address == f"{host}/whole/file"
+    assert Host.asked[-1] == "/whole/file"
+
+
+def test_mirrors_are_asked_first(tmp_path: Path, host: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(download.MIRROR, f"{host}/404/deep/, {host}/whole")
+    assert get(tmp_path / "file", f"{host}/403/the-file.hdf5").address == f"{host}/whole/the-file.hdf5"
+    assert Host.asked == ["/404/deep/the-file.hdf5", "/whole/the-file.hdf5"]
+
+
+def test_what_is_there_is_not_fetched(tmp_path: Path, host: str) -> None:
+    (tmp_path / "file").write_bytes(b"here")
+    assert get(tmp_path / "file", f"{host}/whole/file") == Fetched(tmp_path / "file", "")
+    assert Host.asked == []
+
+
+def test_an_interrupted_download_is_continued_by_the_next_command(tmp_path: Path, host: str) -> None:
+    (tmp_path / "file.part").write_bytes(CONTENT[:40_000])
+    (tmp_path / "file.part.from").write_text(f"{host}/breaks-off/file")
+    get(tmp_path / "file", f"{host}/breaks-off/file")
+    assert Host.asked[0] == "/breaks-off/file bytes=40000-"
+
+
+def test_bytes_of_another_address_are_not_continued(tmp_path: Path, host: str) -> None:
+    (tmp_path / "file.part").write_bytes(b"x" * 40_000)
+    (tmp_path / "file.part.from").write_text("http://elsewhere/file")
+    get(tmp_path / "file", f"{host}/breaks-off/file")
+    assert (tmp_path / "file").read_bytes() == CONTENT
+
+
+def test_two_that_want_one_file_fetch_it_once(tmp_path: Path, host: str) -> None:
+    found: list[Fetched] = []
+    threads = [
+        threading.Thread(target=lambda: found.append(get(tmp_path / "file", f"{host}/breaks-off/file")))
+        for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20)
+    assert sorted(each.address for each in found) == ["", f"{host}/breaks-off/file"]
+    assert len(Host.asked) == 4
+
+
+def test_without_a_network(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="could not be fetched"):
+        get(tmp_path / "file", "http://127.0.0.1:9/file")
+
+
+@pytest.mark.parametrize("address", ["file:///etc/passwd", "ftp://host/file"])
+def test_only_http_is_fetched(tmp_path: Path, address: str) -> None:
+    with pytest.raises(UserError, match="only http and https"):
+        get(tmp_path / "file", address)
+
+
+def test_a_full_disk(tmp_path: Path, host: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(download.os, "fsync", full)
+    with pytest.raises(UserError, match=r"Cannot write .*file: No space left on device. Free space"):
+        get(tmp_path / "file", f"{host}/whole/file")
+    assert "file" not in left(tmp_path)
