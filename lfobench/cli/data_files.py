@@ -90,7 +90,7 @@ def download(
             if note is None:
                 absent.append(name)
             else:
-                errors.print(f"{name}: {note.path}, SHA-256 {note.sha256[:16]}…", soft_wrap=True)
+                output.print(f"{name}: {note.path}, SHA-256 {note.sha256[:16]}…", soft_wrap=True)
     if absent:
         errors.print(f"Not in {from_folder}: {', '.join(absent)}.", soft_wrap=True)
     if refused:

@@ -20,6 +20,7 @@ from lfobench.plan.names import select_tasks, split_names
 from lfobench.plan.parts import PartRequest, requests
 from lfobench.plan.planning import Plan, choose_protocol
 from lfobench.plan.protocol import Protocol
+from lfobench.plan.sources import absent_files
 from lfobench.registry import load_suite
 
 
@@ -51,6 +52,9 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     output.print(f"records   {escape(str(out))}", soft_wrap=True)
     if agenda.shards:
         output.print(f"data      {len(agenda.shards)} shards to build into {escape(str(agenda.cache))}", soft_wrap=True)
+    if absent := absent_files(plan.tasks):
+        names = ", ".join(file.name for file in absent)
+        output.print(f"files     {len(absent)} files to fetch: {escape(names)}", soft_wrap=True)
     if agenda.pending:
         output.print(
             f"to do     {len(agenda.pending)} of {len(plan.runs)} runs, about {duration(expected.total_seconds)}"

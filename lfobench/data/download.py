@@ -93,7 +93,7 @@ def _from_any(
             tried.append(f"{address}: {failure}")
         except UserError as refusal:
             partial.unlink(missing_ok=True)
-            tried.append(f"{address}: {refusal.problem}")
+            tried.append(f"{address}: {refusal.problem.rstrip('.')}")
         else:
             partial.replace(target)
             _marker(partial).unlink(missing_ok=True)

@@ -36,7 +36,7 @@ class Wanted:
 
 
 def wanted_files(tasks: Sequence[Task], sources: Sequence[str] | None = None) -> list[Wanted]:
-    """Every file that the tasks read from these sources, or from any, each once."""
+    """Every file with an address that the tasks read from these sources, or from any, each once."""
     found: dict[tuple[str, str], Wanted] = {}
     for task in tasks:
         for source, files in task.files.items():
@@ -44,7 +44,7 @@ def wanted_files(tasks: Sequence[Task], sources: Sequence[str] | None = None) ->
                 continue
             environment = files.environment or task.environment
             for file in (files.offline, files.expert):
-                if file is not None:
+                if file is not None and file.addresses:
                     known = found.get((source, file.name), Wanted(source, file, environment, ()))
                     names = tuple(dict.fromkeys((*known.tasks, task.name)))
                     found[source, file.name] = Wanted(source, file, known.environment, names)

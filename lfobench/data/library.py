@@ -53,8 +53,8 @@ class Library(NamedTuple):
         return self.cache / FILES / source
 
     def place(self, source: str, file: DataFile) -> Path:
-        """Where a download of the file lies."""
-        return self.folder(source) / f"{file.name}.hdf5"
+        """Where a download of the file lies, or the user's own."""
+        return Path(file.path) if _is_own(file) and file.path else self.folder(source) / f"{file.name}.hdf5"
 
     def note(self, source: str, file: DataFile) -> Note | None:
         """What is known of a file; None where nothing is, or its note is damaged."""
@@ -71,7 +71,7 @@ class Library(NamedTuple):
         Raises:
             UserError: an own file is not there, or another file has taken the place of a source's.
         """
-        if source == OWN:
+        if _is_own(file):
             return self._own(file)
         note = self.note(source, file)
         path = Path(note.path) if note else self.place(source, file)
@@ -94,8 +94,9 @@ class Library(NamedTuple):
         return note
 
     def forget(self, source: str, file: DataFile) -> None:
-        """Remove the note of a file, and the file where it was downloaded; one that was adopted stays."""
-        self.place(source, file).unlink(missing_ok=True)
+        """Remove the note of a file, and the file where it was downloaded; one that was adopted or is own stays."""
+        if not _is_own(file):
+            self.place(source, file).unlink(missing_ok=True)
         self._note_path(source, file).unlink(missing_ok=True)
 
     def verify(self, source: str, file: DataFile) -> Note | None:
@@ -109,17 +110,14 @@ class Library(NamedTuple):
         return self.take_in(source, file, path, note.address if note else "") if path.exists() else None
 
     def _own(self, file: DataFile) -> DataFile:
-        """By its path: two files of one name are two files."""
-        assert file.path is not None, "an own file is named by its path"
-        path = Path(file.path)
+        path = self.place(OWN, file)
         if not path.exists():
-            raise UserError(f"No data file {path}.", "Name another with --source.")
-        known = replace(file, name=hashlib.sha256(file.path.encode()).hexdigest()[:24])
-        note = self.note(OWN, known)
+            raise UserError(f"No data file {path}.", "Name another with --source, or in the suite's file.")
+        note = self.note(OWN, file)
         if note is None or note.stamp != _stamp(path):
             note = Note(path=str(path), sha256=_hash(path), stamp=_stamp(path))
             with suppress(UserError):  # it only saves hashing the file again
-                write_text(self._note_path(OWN, known), note.model_dump_json(indent=1) + "\n")
+                write_text(self._note_path(OWN, file), note.model_dump_json(indent=1) + "\n")
         return replace(file, sha256=note.sha256)
 
     def _known(self, source: str, file: DataFile, note: Note | None, path: Path) -> Note:
@@ -128,7 +126,14 @@ class Library(NamedTuple):
         return self.take_in(source, file, path, note.address if note else "")
 
     def _note_path(self, source: str, file: DataFile) -> Path:
-        return self.folder(source) / f"{file.name}.json"
+        if not _is_own(file):
+            return self.folder(source) / f"{file.name}.json"
+        # Two files of one name are two files.
+        return self.folder(OWN) / f"{hashlib.sha256(str(file.path).encode()).hexdigest()[:24]}.json"
+
+
+def _is_own(file: DataFile) -> bool:
+    return not file.addresses
 
 
 def _stamp(path: Path) -> tuple[int, int, int]:

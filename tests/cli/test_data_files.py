@@ -1,0 +1,188 @@
+"""Files of a suite from the command line: needed, fetched from a host, adopted, checked, trained on, forgotten."""
+
+from __future__ import annotations
+
+import functools
+import json
+import threading
+from collections.abc import Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+from helpers_cli import InProcess, assert_refused
+from helpers_files import make_episodes, write_d4rl, write_minari
+
+SUITE = '''
+"""The pole, from files of a host and from a user's own; nothing is generated."""
+
+from lfobench.contract.suite import DataFile, Environment, Files, Recipe, Suite, Task, own_file
+
+POLE = Environment("pole", "InvertedPendulum-v5", 20, 5.0, 60.0)
+
+
+def there(level):
+    return DataFile(f"pole-{{level}}-v0", (f"{host}/pole_{{level}}-v0.hdf5",))
+
+
+SUITE = Suite(
+    "poles",
+    "a pole that is read, never made",
+    (
+        Task(
+            "pole-random-expert",
+            "random+expert",
+            POLE,
+            Recipe("random", 3000, "expert", 3, 20),
+            paper_steps=100,
+            files={{
+                "there": Files(there("random"), there("expert")),
+                "mine": Files(own_file("{folder}/mine.hdf5"), there("expert")),
+            }},
+        ),
+    ),
+    None,
+)
+'''
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        """Silent."""
+
+
+@pytest.fixture
+def published(tmp_path: Path) -> Path:
+    """What the host has."""
+    folder = tmp_path / "host"
+    folder.mkdir()
+    write_d4rl(folder / "pole_random-v0.hdf5", make_episodes([20] * 30, [False] * 30, 4, 1))
+    write_d4rl(folder / "pole_expert-v0.hdf5", make_episodes([20] * 8, [False] * 8, 4, 1))
+    return folder
+
+
+@pytest.fixture
+def suite(tmp_path: Path, published: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.setenv("LFOBENCH_CACHE", str(tmp_path / "cache"))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=str(published)))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    path = tmp_path / "poles.py"
+    path.write_text(SUITE.format(host=f"http://127.0.0.1:{server.server_port}", folder=tmp_path))
+    yield path
+    server.shutdown()
+    server.server_close()
+
+
+def listed(command: InProcess, suite: Path) -> dict[str, dict[str, object]]:
+    rows = json.loads(command("data", "ls", suite, "--source", "there", "--json").out)
+    return {row["file"]: row for row in rows}
+
+
+def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfobench_command: InProcess) -> None:
+    run = (
+        "run",
+        "--suite",
+        suite,
+        "--methods",
+        "bc",
+        "--protocol",
+        "smoke",
+        "--seeds",
+        "0",
+        "--out",
+        tmp_path / "runs",
+    )
+    planned = lfobench_command(*run, "--dry-run")
+    assert planned.code == 0 and "to do     1 of 1 runs" in planned.out
+    assert "2 files to fetch: pole-random-v0, pole-expert-v0" in " ".join(planned.out.split())
+    assert_refused(lfobench_command(*run), "2 data files are not here: pole-random-v0, pole-expert-v0", "data download")
+    assert [row["path"] for row in listed(lfobench_command, suite).values()] == [None, None]
+
+    assert lfobench_command("data", "download", suite).code == 0
+    found = listed(lfobench_command, suite)
+    assert all(Path(str(row["path"])).is_file() and row["sha256"] for row in found.values())
+    assert lfobench_command("data", "verify", suite).out.endswith("2 files are what they were.\n")
+    assert lfobench_command(*run).code == 0
+    assert "there" in lfobench_command("table", "--out", tmp_path / "runs").out
+    assert "nothing: all 1 runs are done" in lfobench_command(*run).out
+
+    assert lfobench_command("data", "rm", suite, "--yes").out == "Removed 2 files.\n"
+    assert [row["path"] for row in listed(lfobench_command, suite).values()] == [None, None]
+
+
+def test_files_are_adopted_where_they_lie(suite: Path, published: Path, lfobench_command: InProcess) -> None:
+    (published / "pole_expert-v0.hdf5").rename(published / "pole-expert-v0.hdf5")
+    assert lfobench_command("data", "download", suite, "--from", published).code == 0
+    found = listed(lfobench_command, suite)
+    assert found["pole-random-v0"]["path"] == str(published / "pole_random-v0.hdf5")
+    assert found["pole-expert-v0"]["path"] == str(published / "pole-expert-v0.hdf5")
+    lfobench_command("data", "rm", suite, "--yes")
+    assert len(list(published.iterdir())) == 2
+
+
+def test_what_a_folder_lacks_is_named(suite: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
+    outcome = lfobench_command("data", "download", suite, "--from", tmp_path)
+    assert outcome.code == 1
+    assert f"Not in {tmp_path}: pole-random-v0, pole-expert-v0." in outcome.err
+
+
+def test_what_is_not_of_the_environment_takes_no_name(
+    suite: Path, published: Path, tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    write_d4rl(published / "pole_random-v0.hdf5", make_episodes([20] * 3, [False] * 3, 5, 1))
+    assert_refused(
+        lfobench_command("data", "download", suite),
+        "pole-random-v0 could not be fetched",
+        "its observations have 5 columns, those of InvertedPendulum-v5 4",
+        "by hand",
+    )
+    assert listed(lfobench_command, suite)["pole-random-v0"]["path"] is None
+    assert listed(lfobench_command, suite)["pole-expert-v0"]["path"] is not None, "the others are fetched all the same"
+
+
+def test_a_file_that_changed_is_not_trained_on(
+    suite: Path, published: Path, tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    lfobench_command("data", "download", suite, "--from", published)
+    write_d4rl(published / "pole_random-v0.hdf5", make_episodes([20] * 31, [False] * 31, 4, 1))
+    run = ("run", "--suite", suite, "--methods", "bc", "--protocol", "smoke", "--out", tmp_path / "runs")
+    assert_refused(
+        lfobench_command(*run), "is not the pole-random-v0 that was first used here", "Put the old file back"
+    )
+
+
+def test_own_files_in_a_suite_file_and_on_the_command_line(
+    suite: Path, published: Path, tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    mine = write_minari(tmp_path / "mine.hdf5", make_episodes([20] * 30, [False] * 30, 4, 1))
+    run = (
+        "run",
+        "--suite",
+        suite,
+        "--methods",
+        "bc",
+        "--protocol",
+        "smoke",
+        "--seeds",
+        "0",
+        "--out",
+        tmp_path / "runs",
+    )
+    lfobench_command("data", "download", suite, "--source", "mine")
+    assert lfobench_command(*run, "--source", "mine").code == 0
+    expert = published / "pole_expert-v0.hdf5"
+    assert lfobench_command(*run, "--source", f"offline={mine},expert={expert}").code == 0
+    other = write_d4rl(tmp_path / "other.hdf5", make_episodes([20] * 3, [False] * 3, 3, 1))
+    failed = lfobench_command(*run, "--source", f"offline={other},expert={expert}")
+    assert failed.code != 0 and "its observations have 3 columns" in failed.err
+    page = tmp_path / "page.hdf5"
+    page.write_text("<html>")
+    assert_refused(lfobench_command(*run, "--source", f"offline={page},expert={expert}"), "it is a web page")
+
+
+def test_a_suite_without_files(lfobench_command: InProcess) -> None:
+    assert lfobench_command("data", "ls", "airhockey").out == "No data files: everything here is generated.\n"
+    assert_refused(lfobench_command("data", "download", "airhockey"), "has no data files", "data build")
+    assert_refused(
+        lfobench_command("data", "download", "locomotion", "--source", "d4lr"), "d4lr", "Did you mean 'd4rl'"
+    )
