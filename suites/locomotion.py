@@ -35,13 +35,18 @@ OFFLINE_LEVELS: tuple[Level, ...] = ("random", "medium")
 COLUMNS = {"ant": 27}
 
 
+def on_version_4(environment: Environment) -> Environment:
+    """The environment's older version, without the contact forces that it could be asked for."""
+    return replace(environment, id=environment.id.replace("-v5", "-v4"), arguments={})
+
+
 def _files(environment: Environment, offline: Level) -> dict[str, Files]:
     name, columns = environment.name, COLUMNS.get(environment.name)
     found = {
         "d4rl": Files(
             offline=d4rl.locomotion(name, offline, columns),
             expert=d4rl.locomotion(name, "expert", columns),
-            environment=replace(environment, id=environment.id.replace("-v5", "-v4"), arguments={}),
+            environment=on_version_4(environment),
         )
     }
     if offline != "random":

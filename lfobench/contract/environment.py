@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -50,7 +51,8 @@ class Environment:
         """A fresh environment, cut at `horizon`."""
         import gymnasium
 
-        return gymnasium.make(self.id, max_episode_steps=self.horizon, **self.arguments)
+        with _no_word_of_age():
+            return gymnasium.make(self.id, max_episode_steps=self.horizon, **self.arguments)
 
     def make_many(self, count: int) -> gymnasium.vector.VectorEnv[Any, Any, Any] | None:
         """`count` environments that step together, each cut at `horizon`; None where the simulator has no such form."""
@@ -61,14 +63,28 @@ class Environment:
             importlib.import_module(module)  # which registers it, as `gymnasium.make` has it do
         if gymnasium.spec(name).vector_entry_point is None:
             return None
-        return gymnasium.make_vec(
-            name,
-            num_envs=count,
-            vectorization_mode=gymnasium.VectorizeMode.VECTOR_ENTRY_POINT,
-            max_episode_steps=self.horizon,
-            **self.arguments,
-        )
+        with _no_word_of_age():
+            return gymnasium.make_vec(
+                name,
+                num_envs=count,
+                vectorization_mode=gymnasium.VectorizeMode.VECTOR_ENTRY_POINT,
+                max_episode_steps=self.horizon,
+                **self.arguments,
+            )
 
     def normalized_score(self, episode_return: float) -> float:
         """Score ``100 (return - random) / (expert - random)`` (methods.md 5.1; D4RL's definition)."""
         return 100.0 * (episode_return - self.random_return) / (self.expert_return - self.random_return)
+
+
+@contextmanager
+def _no_word_of_age() -> Iterator[None]:
+    """An environment of an older version is asked for on purpose: published data was made on it."""
+    import gymnasium
+
+    level = gymnasium.logger.min_level
+    gymnasium.logger.min_level = gymnasium.logger.ERROR
+    try:
+        yield
+    finally:
+        gymnasium.logger.min_level = level
