@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from helpers_cli import InProcess
 
+from lfobench.contract.record import Record
 from lfobench.store.folder import RecordFolder
 
 REFERENCE = Path(__file__).parents[2] / "results" / "reference"
@@ -45,8 +46,13 @@ def test_every_documented_run_has_its_record(command: list[str], lfobench_comman
 def test_no_record_is_undocumented(lfobench_command: InProcess) -> None:
     documented = [answer["run"] for command in COMMANDS for answer in json.loads(lfobench_command(*why(command)).out)]
     read = RecordFolder(REFERENCE).read_all()
-    found = [f"{one.method}:{one.identity['preset']} {one.task} seed {one.seed}" for one in read.records]
+    found = [_label(one) for one in read.records]
     assert sorted(found) == sorted(documented)
+
+
+def _label(record: Record) -> str:
+    tuned = "".join(f" {field}={value}" for field, value in record.identity.get("tuned", {}).items())
+    return f"{record.method}:{record.identity['preset']} {record.task}{tuned} seed {record.seed}"
 
 
 def test_the_readme_shows_the_table_that_the_records_give(lfobench_command: InProcess) -> None:
