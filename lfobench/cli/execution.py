@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -24,6 +24,7 @@ from lfobench.errors import UserError
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
 from lfobench.files import remove_leftovers, writable_folder
+from lfobench.plan.cells import Run
 from lfobench.plan.parts import build_command
 from lfobench.plan.sources import absent_files
 from lfobench.store.failures import write_failure
@@ -124,6 +125,21 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
         errors.print(f"{tally.busy} left to the other process that is training them. Run again to see them done.")
         return 1
     return 0
+
+
+def remove_checkpoints_of_the_finished(agenda: Agenda, out: Path) -> None:
+    """Delete what a job left that was killed between its last record and the end of its checkpoint.
+
+    Such a job is never taken up again, so nobody else would.
+    """
+    plan, folder = agenda.plan, RecordFolder(out)
+    done = {run.identity_hash for run in agenda.done}
+    for cell in plan.cells:
+        if all(Run(cell, seed).identity_hash in done for seed in plan.seeds):
+            for seeds in {plan.seeds, *((seed,) for seed in plan.seeds)}:
+                job = Job(cell, seeds, out, agenda.cache, plan.device)
+                with suppress(OSError):
+                    folder.checkpoint(job.hash).unlink()
 
 
 def build_data(shards: Sequence[ShardJob | ImportJob], workers: int, stop: StopRequest, quiet: bool = False) -> None:

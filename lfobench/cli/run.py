@@ -44,7 +44,10 @@ def run(
         print_json(planned.as_json(todo, expected))
     else:
         planned.show(todo, expected, out)
-    if dry_run or not todo.jobs:
+    if dry_run:
+        return
+    execution.remove_checkpoints_of_the_finished(todo, out)
+    if not todo.jobs:
         return
     code = execution.carry_out_agenda(todo, expected, out, quiet=as_json)
     if code == 0 and not as_json:

@@ -49,12 +49,15 @@ class Files:
         expert: the expert part; None generates it.
         environment: where policies are evaluated that learn from it; None keeps the task's.
         recipe: how it is mixed; None keeps the task's.
+        returns: whether the rewards in the files add up to what the environment returns; D4RL's kitchen rewards every
+            step after a completion. No method sees them; where they do not, no score of the data is told.
     """
 
     offline: DataFile | None = None
     expert: DataFile | None = None
     environment: Environment | None = None
     recipe: Recipe | None = None
+    returns: bool = True
 
     def __post_init__(self) -> None:
         if self.offline is None and self.expert is None:

@@ -102,6 +102,7 @@ class Task:
         grids: per method, the values of fields among which ``lfobench tune`` chooses.
         files: source name to the files that it reads, e.g. ``d4rl``.
         read_from: the files that are read, once a source is chosen; None generates the data.
+        simulator: packages beside gymnasium and mujoco whose versions decide how its environment moves.
     """
 
     name: str
@@ -114,6 +115,7 @@ class Task:
     grids: Mapping[str, Mapping[str, tuple[Any, ...]]] = field(default_factory=dict)
     files: Mapping[str, Files] = field(default_factory=dict)
     read_from: Files | None = None
+    simulator: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.paper_steps < 1:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +22,7 @@ class PartCounts:
     transitions: int
     terminated: int
     truncated: int
-    mean_score: float
+    mean_score: float | None
     fingerprint: str
 
     @property
@@ -32,7 +31,7 @@ class PartCounts:
         return (
             f"{self.name}: {self.episodes:,} episodes, {self.transitions:,} transitions, "
             f"{self.terminated:,} terminated, {self.truncated:,} truncated, "
-            f"mean score {self.mean_score:.1f}, fingerprint {self.fingerprint[:16]}"
+            f"mean score {_spelled(self.mean_score)}, fingerprint {self.fingerprint[:16]}"
         )
 
 
@@ -89,7 +88,7 @@ class Manifest:
     teleports: int
     demonstration_rows: int
     demonstration_steps: int
-    demonstration_score: float
+    demonstration_score: float | None
     exact_triples: int
 
     def sentences(self) -> list[str]:
@@ -100,7 +99,7 @@ class Manifest:
             f"released triples: {self.triples:,}, of which {self.teleports:,} cross into another episode (teleport)",
             f"exact triples with absorbing ends: {self.exact_triples:,}",
             f"demonstration: {self.demonstration_rows:,} observation triples, from the first expert episode on "
-            f"({self.demonstration_steps:,} steps, score {self.demonstration_score:.1f})",
+            f"({self.demonstration_steps:,} steps, score {_spelled(self.demonstration_score)})",
             "the demonstrated trajectory, with its actions, is also inside the offline mix (as published)",
         ]
 
@@ -153,8 +152,10 @@ def _mixed(data: TaskData, recipe: Recipe) -> Manifest:
 
 
 def _counts(name: str, data: TaskData, episodes: Episodes, mark: str) -> PartCounts:
-    returns: Sequence[float] = episodes.returns().tolist()
-    score = data.task.environment.normalized_score(float(np.mean(returns)))
     terminated = int(episodes.terminated.sum())
     count = len(episodes.lengths)
-    return PartCounts(name, count, episodes.transitions, terminated, count - terminated, score, mark)
+    return PartCounts(name, count, episodes.transitions, terminated, count - terminated, data.score(episodes), mark)
+
+
+def _spelled(score: float | None) -> str:
+    return "unknown" if score is None else f"{score:.1f}"

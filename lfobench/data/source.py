@@ -38,14 +38,20 @@ class TaskData:
         horizon, count = self.task.environment.horizon, self.recipe.expert_trajectories
         return len(boundaries.released_expert_prefix(rows, count, horizon))
 
+    def score(self, episodes: Episodes) -> float | None:
+        """Mean normalised score of episodes; None where their rewards do not say it."""
+        told = self.task.read_from is None or self.task.read_from.returns
+        if not told or not np.isfinite(episodes.rewards).all():
+            return None
+        return self.task.environment.normalized_score(float(episodes.returns().mean()))
+
     @property
-    def demonstration_score(self) -> float:
-        """Normalised score of what is demonstrated.
+    def demonstration_score(self) -> float | None:
+        """Normalised score of what is demonstrated; None where it is unknown.
 
         Of the first expert episode, with which the demonstration starts, or the mean of all where trajectories count.
         """
-        shown = self.expert if isinstance(self.recipe, TrajectoryRecipe) else self.expert.first_episodes(1)
-        return self.task.environment.normalized_score(float(shown.returns().mean()))
+        return self.score(self.expert if isinstance(self.recipe, TrajectoryRecipe) else self.expert.first_episodes(1))
 
     def mixture(self, needs: DataNeeds) -> Mixture:
         """The rows that a method declares."""

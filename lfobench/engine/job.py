@@ -174,6 +174,8 @@ def _warnings(diverged_at: int | None, data: TaskData, needs: DataNeeds) -> Iter
             "count, so none of it is mixed into the offline data.",
             remedy="Lower K, or give the recipe a longer expert part.",
         )
+    if data.demonstration_score is None:
+        return
     scores = [data.task.environment.normalized_score(value) for value in data.expert.returns().tolist()]
     mean, spread = statistics.fmean(scores), statistics.pstdev(scores)
     if data.demonstration_score < mean - spread:

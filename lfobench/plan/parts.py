@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from lfobench.contract.files import DataFile
@@ -18,9 +18,19 @@ SHARD_TRANSITIONS = 10_000
 FORMAT = 2
 
 
-def simulator_versions() -> dict[str, str]:
-    """Versions that decide the dynamics of the environments."""
-    return {package: version(package) for package in ("gymnasium", "mujoco")}
+def simulator_versions(task: Task) -> dict[str, str]:
+    """Versions that decide the dynamics of a task's environment.
+
+    Raises:
+        UserError: a package that it needs is not installed.
+    """
+    try:
+        return {package: version(package) for package in ("gymnasium", "mujoco", *task.simulator)}
+    except PackageNotFoundError as error:
+        raise UserError(
+            f"Task '{task.name}' needs the package {error.name}, which is not installed.",
+            "Install what was tested together: pip install -c constraints.txt -e .",
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -131,7 +141,7 @@ def specification(suite: Suite, task: Task, level: Level, episodes: int | None =
         environment=task.environment,
         level=level,
         demonstrator=fingerprint,
-        simulator=tuple(sorted(simulator_versions().items())),
+        simulator=tuple(sorted(simulator_versions(task).items())),
         seed=suite.generation_seeds.get(task.environment.name, 0),
         episodes=episodes,
     )

@@ -93,7 +93,6 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
     methods = {name: load_method(name) for name in names}
     seeds = tuple(parse_seeds(protocol.seeds if request.seeds is None else request.seeds))
     assigned = parse_assignments(request.assignments, names)
-    simulator = simulator_versions()
     cells = [
         Cell(
             method=method,
@@ -107,7 +106,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
             protocol=here,
             source=source,
             data=data,
-            simulator=simulator,
+            simulator=simulator_versions(task),
             precision=precision,
         )
         for task in tasks

@@ -23,7 +23,7 @@ def test_a_file_is_described(file: Path, lfobench_command: InProcess) -> None:
     text = " ".join(outcome.out.split())
     assert "small.hdf5: d4rl layout, 20 transitions in 3 episodes of 4 to 9 (median 7) steps" in text
     assert "(1 terminated, 2 cut by time); 4 observations, 2 actions; return" in text
-    assert "released triples" in text and "1 pairs of terminal steps" in text
+    assert "released pairs" in text and "exact triples" in text
     assert "caution 1 episodes were cut by time before the horizon of 9 steps." in text
 
 
