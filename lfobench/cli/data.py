@@ -25,9 +25,10 @@ def build(
     suite: SuiteArgument,
     tasks: options.Tasks = None,
     protocol: options.ProtocolName = "auto",
+    source: options.Source = "auto",
     workers: Annotated[int | None, typer.Option(min=1, help="Processes. Default: one per core.")] = None,
 ) -> None:
-    """Make a suite's generated data once into the cache (LFOBENCH_CACHE overrides where); resumable.
+    """Make a suite's data once, or read it from files, into the cache (LFOBENCH_CACHE overrides where); resumable.
 
     Example: lfobench data build locomotion --tasks 'hopper-*' --protocol quick
     """
@@ -36,7 +37,7 @@ def build(
     from lfobench.files import cache_folder, writable_folder
 
     root = writable_folder(cache_folder(), "LFOBENCH_CACHE")
-    shards = planned.shards_of_suite(suite, tasks, protocol, root)
+    shards = planned.shards_of_suite(suite, tasks, protocol, source, root)
     stop = execution.StopRequest()
     with stop.listening():
         execution.build_data(shards, workers or available_cores(), stop)
@@ -56,6 +57,7 @@ def status(
     suite: SuiteArgument = options.DEFAULT_SUITE,
     tasks: options.Tasks = None,
     protocol: options.ProtocolName = "auto",
+    source: options.Source = "auto",
     as_json: options.Json = False,
 ) -> None:
     """What each task of a suite needs and how much of it is in the cache.
@@ -69,11 +71,11 @@ def status(
     from lfobench.files import cache_folder
 
     root = cache_folder()
-    rows = planned.data_status(suite, tasks, protocol, root)
+    rows = planned.data_status(suite, tasks, protocol, source, root)
     if as_json:
         print_json(rows)
         return
-    table = Table("task", "part", "amount", "shards there", title="Generated data", title_style="bold")
+    table = Table("task", "part", "amount", "shards there", title="Data in the cache", title_style="bold")
     for row in rows:
         there = f"{row['shards_present']}/{row['shards']}"
         table.add_row(escape(row["task"]), row["part"], _amount(row), there)

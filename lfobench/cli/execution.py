@@ -26,7 +26,7 @@ from lfobench.executors.events import Ended, Event
 from lfobench.files import remove_leftovers, writable_folder
 from lfobench.plan.cells import Run
 from lfobench.plan.parts import build_command
-from lfobench.plan.sources import absent_files
+from lfobench.plan.sources import absent_files, spelled
 from lfobench.store.failures import write_failure
 from lfobench.store.folder import RecordFolder
 
@@ -97,11 +97,12 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
             f"{len(absent)} data files are not here: {', '.join(file.name for file in absent)}.",
             f"Fetch them: lfobench data download {plan.cells[0].suite} --source {plan.cells[0].source}",
         )
+    sources = {task.name: spelled(task, plan.cells[0].source) for task in plan.tasks}
     with errors.status("Checking the data…"):
         check_present(
             agenda.cache,
             agenda.requests,
-            lambda task: build_command(plan.cells[0].suite, plan.protocol.name, task),
+            lambda name: build_command(plan.cells[0].suite, plan.protocol.name, name, sources[name]),
         )
     if agenda.shards:
         writable_folder(agenda.cache, "LFOBENCH_CACHE")

@@ -16,11 +16,12 @@ from lfobench.cli.inputs import warn
 from lfobench.contract.suite import Task
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.data.cache import PartCache
+from lfobench.data.library import Library
 from lfobench.plan.names import select_tasks, split_names
 from lfobench.plan.parts import PartRequest, requests
 from lfobench.plan.planning import Plan, choose_protocol
 from lfobench.plan.protocol import Protocol
-from lfobench.plan.sources import absent_files
+from lfobench.plan.sources import absent_files, choose_source, read_from
 from lfobench.registry import load_suite
 
 
@@ -116,9 +117,11 @@ def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
     }
 
 
-def shards_of_suite(suite: str, tasks: str | None, protocol: str, root: Path) -> list[ShardJob | ImportJob]:
-    """The shards that the chosen tasks of a suite lack under a protocol."""
-    return missing_shards(root, suite, _requests_of_suite(suite, tasks, protocol))
+def shards_of_suite(
+    suite: str, tasks: str | None, protocol: str, source: str, root: Path
+) -> list[ShardJob | ImportJob]:
+    """The shards that the chosen tasks of a suite lack under a protocol, of those that can be made."""
+    return missing_shards(root, suite, _requests_of_suite(suite, tasks, protocol, source, root))
 
 
 def cached_fingerprints(plan: Plan, task: Task, root: Path) -> dict[str, str]:
@@ -131,10 +134,10 @@ def cached_fingerprints(plan: Plan, task: Task, root: Path) -> dict[str, str]:
     return {part: mark for part, mark in marks.items() if mark is not None}
 
 
-def data_status(suite: str, tasks: str | None, protocol: str, root: Path) -> list[dict[str, Any]]:
+def data_status(suite: str, tasks: str | None, protocol: str, source: str, root: Path) -> list[dict[str, Any]]:
     """Per task and part: transitions needed (None of a part recorded by episodes), shards there, folder."""
     rows = []
-    for task, request in _requests_of_suite(suite, tasks, protocol):
+    for task, request in _requests_of_suite(suite, tasks, protocol, source, root):
         cache = PartCache(root, request.specification)
         shards = request.specification.shards_for(request.transitions)
         rows.append(
@@ -151,12 +154,22 @@ def data_status(suite: str, tasks: str | None, protocol: str, root: Path) -> lis
     return rows
 
 
-def _requests_of_suite(suite: str, tasks: str | None, protocol: str) -> list[tuple[str, PartRequest]]:
+def tasks_of_suite(suite: str, tasks: str | None, source: str, root: Path) -> tuple[list[Task], str]:
+    """The chosen tasks as a source has them, with its files where they are here, and the source's name."""
+    loaded = load_suite(suite)
+    name, own = choose_source(source, loaded)
+    chosen = select_tasks(loaded.tasks, ["*"] if tasks is None else split_names(tasks))
+    return read_from(chosen, name, own, Library(root).find), name
+
+
+def _requests_of_suite(
+    suite: str, tasks: str | None, protocol: str, source: str, root: Path
+) -> list[tuple[str, PartRequest]]:
     import torch
 
-    loaded = load_suite(suite)
     budget = choose_protocol(protocol, "cuda" if torch.cuda.is_available() else "cpu")[0]
-    chosen = select_tasks(loaded.tasks, ["*"] if tasks is None else split_names(tasks))
+    chosen, _ = tasks_of_suite(suite, tasks, source, root)
+    loaded = load_suite(suite)
     return [(task.name, request) for task in chosen for request in requests(loaded, task, budget.recipe_for(task))]
 
 

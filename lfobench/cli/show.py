@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
     from lfobench.contract.method import Method
-    from lfobench.contract.suite import Task
     from lfobench.plan.protocol import Protocol
 
 
@@ -24,6 +23,7 @@ def show(
     name: Annotated[str, typer.Argument(help="A method, suite, task or protocol.")],
     suite: options.SuiteName = options.DEFAULT_SUITE,
     protocol: options.ProtocolName = "auto",
+    source: options.Source = "auto",
     as_json: options.Json = False,
 ) -> None:
     """Everything about one name: a method's fields and presets, a task's recipe and manifest, a protocol.
@@ -39,7 +39,7 @@ def show(
     if name in method_names():
         _show_method(load_method(name), as_json)
     elif name in tasks:
-        _show_task(suite, tasks[name], protocol, as_json)
+        _show_task(suite, name, protocol, source, as_json)
     elif name in PROTOCOLS:
         _show_fields(PROTOCOLS[name], as_json)
     elif name == loaded.name:
@@ -110,7 +110,7 @@ def _takes(field: FieldInfo) -> str:
     return ", ".join([" or ".join(words), *bounds])
 
 
-def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> None:
+def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: bool) -> None:
     import torch
     from rich.markup import escape
 
@@ -121,13 +121,15 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
     from lfobench.files import cache_folder
     from lfobench.plan.parts import build_command
     from lfobench.plan.planning import choose_protocol
+    from lfobench.plan.sources import absent_files, spelled
     from lfobench.registry import load_suite
 
     protocol = choose_protocol(protocol_name, "cuda" if torch.cuda.is_available() else "cpu")[0]
+    ((task,), source) = planned.tasks_of_suite(suite, name, source, cache_folder())
     recipe = protocol.recipe_for(task)
-    status = planned.data_status(suite, task.name, protocol.name, cache_folder())
+    status = planned.data_status(suite, name, protocol.name, spelled(task, source), cache_folder())
     complete = all(row["shards_present"] == row["shards"] for row in status)
-    rebuild = build_command(suite, protocol.name, task.name)
+    rebuild = build_command(suite, protocol.name, name, spelled(task, source))
     counted = manifest(load_task(cache_folder(), load_suite(suite), task, recipe, rebuild)) if complete else None
     if as_json:
         print_json({"task": planned.plain(task), "recipe": planned.plain(recipe), "manifest": planned.plain(counted)})
@@ -144,6 +146,11 @@ def _show_task(suite: str, task: Task, protocol_name: str, as_json: bool) -> Non
     for method, grid in task.grids.items():
         fields = "; ".join(f"{field} {', '.join(map(_spelling, values))}" for field, values in grid.items())
         output.print(f"grid of {method}: {escape(fields)}", soft_wrap=True)
+    if absent := absent_files([task]):
+        names = ", ".join(file.name for file in absent)
+        fetch = f"lfobench data download {suite} --source {source} --tasks {name}"
+        output.print(f"files not here: {escape(names)}; fetch them: {escape(fetch)}", soft_wrap=True)
+        return
     if counted is None:
         output.print(f"data not built yet: {escape(rebuild)}", soft_wrap=True)
         return

@@ -23,6 +23,7 @@ from lfobench.engine.training import Advance, Trainer
 from lfobench.files import writable_folder
 from lfobench.plan.cells import Cell, Run
 from lfobench.plan.parts import build_command
+from lfobench.plan.sources import spelled
 from lfobench.processes import keep_freed_memory
 from lfobench.registry import load_suite
 from lfobench.store.folder import RecordFolder
@@ -102,7 +103,7 @@ def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[],
     started = time.perf_counter()
     device = torch.device(job.device)
     cell = job.cell
-    rebuild = build_command(cell.suite, cell.protocol.name, cell.task.name)
+    rebuild = build_command(cell.suite, cell.protocol.name, cell.task.name, spelled(cell.task, cell.source))
     data = load_task(job.cache, load_suite(cell.suite), cell.task, cell.recipe, rebuild)
     needs = cell.method.needs(cell.config)
     mixture = data.mixture(needs)

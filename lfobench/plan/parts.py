@@ -147,11 +147,10 @@ def specification(suite: Suite, task: Task, level: Level, episodes: int | None =
     )
 
 
-def build_command(suite: str, protocol: str, task: str | None = None) -> str:
-    """What a user types to make the data of a suite (by name or path), or of one task, under a protocol."""
-    return shlex.join(
-        ["lfobench", "data", "build", suite, "--protocol", protocol, *(() if task is None else ("--tasks", task))]
-    )
+def build_command(suite: str, protocol: str, task: str, source: str = "generated") -> str:
+    """What a user types to make the data of a suite's task (the suite by name or path), under a protocol."""
+    words = ["lfobench", "data", "build", suite, "--protocol", protocol, "--tasks", task]
+    return shlex.join(words if source == "generated" else [*words, "--source", source])
 
 
 def requests(suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe) -> tuple[PartRequest, PartRequest]:

@@ -93,6 +93,14 @@ def read_from(tasks: Sequence[Task], source: str, own: Files | None, find: Find)
     return found
 
 
+def spelled(task: Task, source: str) -> str:
+    """What ``--source`` takes for the data of a task that was read from a source."""
+    if source != OWN or task.read_from is None:
+        return source
+    files = {"offline": task.read_from.offline, "expert": task.read_from.expert}
+    return ",".join(f"{part}={file.path}" for part, file in files.items() if file is not None)
+
+
 def absent_files(tasks: Sequence[Task]) -> list[DataFile]:
     """Files that the tasks read and that are not here, each once."""
     found: dict[str, DataFile] = {}

@@ -97,10 +97,21 @@ def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfoben
     assert "2 files to fetch: pole-random-v0, pole-expert-v0" in " ".join(planned.out.split())
     assert_refused(lfobench_command(*run), "2 data files are not here: pole-random-v0, pole-expert-v0", "data download")
     assert [row["path"] for row in listed(lfobench_command, suite).values()] == [None, None]
+    absent = lfobench_command("show", "pole-random-expert", "--suite", suite).out
+    assert "files not here: pole-random-v0, pole-expert-v0; fetch them: lfobench data download" in " ".join(
+        absent.split()
+    )
 
     assert lfobench_command("data", "download", suite).code == 0
     found = listed(lfobench_command, suite)
     assert all(Path(str(row["path"])).is_file() and row["sha256"] for row in found.values())
+    shown = ("show", "pole-random-expert", "--suite", suite, "--protocol", "smoke")
+    assert "data not built yet: lfobench data build" in lfobench_command(*shown).out
+    assert lfobench_command("data", "build", suite, "--protocol", "smoke").code == 0
+    counted = " ".join(lfobench_command(*shown).out.split())
+    assert "offline (random): 30 episodes, 600 transitions" in counted
+    # 30 x 19 rows, and 2 counts of 20 rows of an expert whose episodes have 19, the last one excluded.
+    assert "offline mix: 609 transitions, 39 of them expert" in counted
     assert lfobench_command("data", "verify", suite).out.endswith("2 files are what they were.\n")
     assert lfobench_command(*run).code == 0
     assert "there" in lfobench_command("table", "--out", tmp_path / "runs").out
