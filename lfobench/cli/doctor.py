@@ -1,49 +1,114 @@
-"""``lfobench data doctor``: what is wrong with a data file, or good to know about it."""
+"""``lfobench data doctor``: what is wrong with a data file or a task's data, or good to know about it."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import output, print_json
 
+if TYPE_CHECKING:
+    from lfobench.contract.diagnosis import Diagnosis
+
 
 def doctor(
-    file: Annotated[Path, typer.Argument(help="A data file, or the folder of a Minari dataset.")],
+    subject: Annotated[str, typer.Argument(help="A data file, the folder of a Minari dataset, or a task of --suite.")],
     horizon: Annotated[
-        int | None,
-        typer.Option(min=1, help="Steps after which the environment cuts an episode; ends are checked against it."),
+        int | None, typer.Option(min=1, help="Of a file: steps after which the environment cuts an episode.")
     ] = None,
     to: Annotated[
-        Path | None, typer.Option(help="Also draw lengths and returns of the episodes: .png, .svg or .pdf.")
+        Path | None, typer.Option(help="Of a file: also draw lengths and returns of its episodes: .png, .svg or .pdf.")
     ] = None,
+    suite: options.SuiteName = options.DEFAULT_SUITE,
+    protocol: options.ProtocolName = "auto",
+    source: options.Source = "auto",
     as_json: options.Json = False,
 ) -> None:
-    """Examine the episodes of a D4RL, Minari or robomimic file; the exit code is 1 where it cannot be trained on.
+    """Examine the episodes of a file, or of both parts of a task's data; exit code 1 where it cannot be trained on.
+
+    A file is in the layout of D4RL, Minari or robomimic.
 
     Example: lfobench data doctor hopper_medium-v2.hdf5 --horizon 1000
-    """
-    from dataclasses import asdict
 
+    Example: lfobench data doctor hopper-medium-expert --source d4rl
+    """
+    if not Path(subject).exists() and _is_task(subject, suite):
+        found, inside = _of_task(subject, suite, protocol, source)
+    else:
+        found, inside = _of_file(Path(subject), horizon, to), None
+    usable = all(each.usable for each in found.values())
+    if as_json:
+        print_json(_as_json(subject, found, inside))
+    else:
+        _show(found, inside)
+    raise typer.Exit(0 if usable else 1)
+
+
+def _is_task(name: str, suite: str) -> bool:
+    from lfobench.registry import load_suite
+
+    return name in {task.name for task in load_suite(suite).tasks}
+
+
+def _of_file(file: Path, horizon: int | None, to: Path | None) -> dict[str, Diagnosis]:
     from lfobench.data.isolated import examine_file
     from lfobench.files import replacing
-    from lfobench.render.diagnosis import diagnosis
     from lfobench.render.plots.episodes import episodes
     from lfobench.render.plots.figure import format_of
     from lfobench.render.plots.style import WIDTHS
 
     format_name = None if to is None else format_of(to)
     found = examine_file(file, horizon)
-    if as_json:
-        print_json({"file": str(file), "usable": found.usable, **asdict(found)})
-    else:
-        for part in diagnosis(found, file.name):
-            output.print(part, soft_wrap=isinstance(part, str))
     if to is not None:
         figure = episodes(found, file.name, WIDTHS["column"])
         with replacing(to) as temporary:
             figure.savefig(temporary, format=format_name)
-    raise typer.Exit(0 if found.usable else 1)
+    return {file.name: found}
+
+
+def _of_task(name: str, suite: str, protocol_name: str, source: str) -> tuple[dict[str, Diagnosis], tuple[int, int]]:
+    """Both parts, and how many expert rows of how many the offline part holds too."""
+    import torch
+
+    from lfobench.cli import planned
+    from lfobench.data.doctor import diagnose_part, rows_inside
+    from lfobench.data.source import load_task
+    from lfobench.files import cache_folder
+    from lfobench.plan.parts import build_command
+    from lfobench.plan.planning import choose_protocol
+    from lfobench.plan.sources import spelled
+    from lfobench.registry import load_suite
+
+    protocol = choose_protocol(protocol_name, "cuda" if torch.cuda.is_available() else "cpu")[0]
+    ((task,), source) = planned.tasks_of_suite(suite, name, source, cache_folder())
+    rebuild = build_command(suite, protocol.name, name, spelled(task, source))
+    data = load_task(cache_folder(), load_suite(suite), task, protocol.recipe_for(task), rebuild)
+    horizon = task.environment.horizon
+    parts = {f"{name}, {part}": diagnose_part(getattr(data, part), horizon) for part in ("offline", "expert")}
+    return parts, (rows_inside(data.expert, data.offline), data.expert.transitions)
+
+
+def _show(found: dict[str, Diagnosis], inside: tuple[int, int] | None) -> None:
+    from lfobench.render.diagnosis import diagnosis
+
+    for name, each in found.items():
+        for part in diagnosis(each, name):
+            output.print(part, soft_wrap=isinstance(part, str))
+    if inside is not None:
+        output.print(
+            f"{inside[0]:,} of {inside[1]:,} expert rows are, to the last bit, rows of the offline part; a recipe may "
+            "put more there.",
+            soft_wrap=True,
+        )
+
+
+def _as_json(subject: str, found: dict[str, Diagnosis], inside: tuple[int, int] | None) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    told = [{"usable": each.usable, **asdict(each)} for each in found.values()]
+    if inside is None:
+        return {"file": subject, **told[0]}
+    return {"task": subject, "offline": told[0], "expert": told[1], "expert_rows_inside_offline": inside[0]}

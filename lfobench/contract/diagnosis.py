@@ -48,7 +48,7 @@ class Diagnosis:
     """A file, examined.
 
     Attributes:
-        format: ``d4rl``, ``minari`` or ``robomimic``.
+        format: ``d4rl``, ``minari`` or ``robomimic``; ``cached`` of a part that was read or made before.
         observation: columns of an observation.
         action: columns of an action.
         lengths: steps of every episode.

@@ -31,6 +31,13 @@ def diagnose(reading: Reading, horizon: int | None = None) -> Diagnosis:
     )
 
 
+def diagnose_part(episodes: Episodes, horizon: int) -> Diagnosis:
+    """Examine a part of a task as the cache holds it."""
+    known = not episodes.unknown_ends.any()
+    rewarded = bool(np.isfinite(episodes.rewards).all())
+    return diagnose(Reading(episodes, "cached", rewards=rewarded, ends_known=known), horizon)
+
+
 def rows_inside(expert: Episodes, offline: Episodes) -> int:
     """Expert rows (observation and action) that the offline part holds too, to the last bit."""
     return int(np.isin(_rows_as_bytes(expert), _rows_as_bytes(offline)).sum())

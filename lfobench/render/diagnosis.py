@@ -27,9 +27,10 @@ def diagnosis(found: Diagnosis, name: str) -> Iterator[RenderableType]:
 def summary(found: Diagnosis) -> str:
     """``d4rl, 40 episodes of 883 ± 222 steps (17 terminated, 23 cut by time), …``."""
     count = len(found.lengths)
+    where = "from the cache" if found.format == "cached" else f"{found.format} layout"
     returns = f"; return {_spread(found.returns)}" if found.returns else ""
     return (
-        f"{found.format} layout, {sum(found.lengths):,} transitions in {count:,} episodes of {_spread(found.lengths)} "
+        f"{where}, {sum(found.lengths):,} transitions in {count:,} episodes of {_spread(found.lengths)} "
         f"steps ({found.terminated:,} terminated, {count - found.terminated:,} cut by time); "
         f"{found.observation} observations, {found.action} actions{returns}"
     )

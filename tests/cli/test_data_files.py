@@ -103,8 +103,8 @@ def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfoben
     )
 
     assert lfobench_command("data", "download", suite).code == 0
-    found = listed(lfobench_command, suite)
-    assert all(Path(str(row["path"])).is_file() and row["sha256"] for row in found.values())
+    rows = listed(lfobench_command, suite)
+    assert all(Path(str(row["path"])).is_file() and row["sha256"] for row in rows.values())
     shown = ("show", "pole-random-expert", "--suite", suite, "--protocol", "smoke")
     assert "data not built yet: lfobench data build" in lfobench_command(*shown).out
     assert lfobench_command("data", "build", suite, "--protocol", "smoke").code == 0
@@ -112,6 +112,10 @@ def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfoben
     assert "offline (random): 30 episodes, 600 transitions" in counted
     # 30 x 19 rows, and 2 counts of 20 rows of an expert whose episodes have 19, the last one excluded.
     assert "offline mix: 609 transitions, 39 of them expert" in counted
+    examined = ("data", "doctor", *shown[1:])
+    assert "0 of 80 expert rows are, to the last bit, rows of the offline part" in lfobench_command(*examined).out
+    found = json.loads(lfobench_command(*examined, "--json").out)
+    assert (found["expert_rows_inside_offline"], len(found["offline"]["lengths"])) == (0, 30)
     assert lfobench_command("data", "verify", suite).out.endswith("2 files are what they were.\n")
     assert lfobench_command(*run).code == 0
     assert "there" in lfobench_command("table", "--out", tmp_path / "runs").out

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_INFLATION = 1_100
 """Bytes out of one byte on disk; deflate gives at most 1032."""
-BLOCK_BYTES = 64 * 2**20
+BLOCK_BYTES = 8 * 2**20
 """Read at once, and at most what one chunk may hold."""
 FILTERS = frozenset({"gzip", "lzf", "shuffle", "fletcher32", "scaleoffset"})
 _FILTER_NAMES = {
