@@ -1,0 +1,27 @@
+"""Adroit's hand from gymnasium-robotics, so adapted that a return means what it means on D4RL's ``-v0``.
+
+D4RL: Fu et al., 2020, arXiv:2004.07219. The tasks and their rewards: Rajeswaran et al., 2018, arXiv:1709.10087.
+"""
+
+from __future__ import annotations
+
+HORIZONS = {"pen": 100, "door": 200, "hammer": 200}
+"""Steps of an episode, per environment (methods.md 2.3)."""
+
+
+def identifier(environment: str) -> str:
+    """``pen`` to what `Environment.id` takes."""
+    return f"suites.hand.registration:{_name(environment)}"
+
+
+def register_environments() -> None:
+    """Make Gymnasium know ``lfobench/AdroitHandPen-v0`` and its two siblings. A second call changes nothing."""
+    from gymnasium.envs.registration import register, registry
+
+    for environment, horizon in HORIZONS.items():
+        if (name := _name(environment)) not in registry:
+            register(id=name, entry_point=f"suites.hand.environments:{environment}", max_episode_steps=horizon)
+
+
+def _name(environment: str) -> str:
+    return f"lfobench/AdroitHand{environment.capitalize()}-v0"

@@ -1,0 +1,92 @@
+"""The three environments: gymnasium-robotics' simulation, judged as D4RL judges it.
+
+What differs there: door and hammer reward a palm that is far from its object, where D4RL rewards one that is near; a
+dropped pen goes on, for 200 steps. Observations, actions, starts and ``info["success"]`` are the same. Success is that
+of a step; an episode counts as successful where one of its steps is. It tells no outcome: its score is a normalised
+return, and records that tell outcomes would be shown as counts of successes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+from collections.abc import Callable
+from typing import Any, SupportsFloat
+
+import gymnasium
+
+from lfobench.errors import UserError
+from suites.hand import rewards
+
+Judgement = tuple[float, bool]
+"""Reward of a step, and whether the episode ended in it."""
+
+
+class HandEnvironment(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """A simulation of gymnasium-robotics under rules of its own.
+
+    Args:
+        simulation: with its arena and its starts.
+        judge: the reward and the end, out of the simulation as a step left it.
+    """
+
+    def __init__(self, simulation: gymnasium.Env[Any, Any], judge: Callable[[Any], Judgement]) -> None:
+        super().__init__(simulation)
+        self._judge = judge
+
+    def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
+        """One control step of 5 physics steps."""
+        observation, _, _, _, information = self.env.step(action)
+        reward, terminated = self._judge(self.unwrapped)
+        return observation, reward, terminated, False, {"success": bool(information["success"])}
+
+
+def pen(**arguments: Any) -> HandEnvironment:
+    """Turn a pen in the hand to a random direction; ends when it drops."""
+
+    def judge(simulation: Any) -> Judgement:
+        data = simulation.data
+        position = data.body("Object").xpos
+        direction = (data.site("object_top").xpos - data.site("object_bottom").xpos) / simulation.pen_length
+        wanted = (data.site("target_top").xpos - data.site("target_bottom").xpos) / simulation.tar_length
+        return rewards.pen(position, data.site("eps_ball").xpos, direction, wanted), rewards.dropped(position)
+
+    return HandEnvironment(_simulation("pen", arguments), judge)
+
+
+def door(**arguments: Any) -> HandEnvironment:
+    """Undo the latch of a door at a random place, and open it."""
+
+    def judge(simulation: Any) -> Judgement:
+        data = simulation.data
+        palm, handle = data.site("S_grasp").xpos, data.site("S_handle").xpos
+        return rewards.door(palm, handle, float(data.joint("door_hinge").qpos[0]), data.qvel), False
+
+    return HandEnvironment(_simulation("door", arguments), judge)
+
+
+def hammer(**arguments: Any) -> HandEnvironment:
+    """Take a hammer and drive a nail into a board at a random height."""
+
+    def judge(simulation: Any) -> Judgement:
+        data = simulation.data
+        palm, handle, head = data.site("S_grasp").xpos, data.body("Object").xpos, data.site("tool").xpos
+        nail, goal = data.site("S_target").xpos, data.site("nail_goal").xpos
+        return rewards.hammer(palm, handle, head, nail, goal, data.qvel), False
+
+    return HandEnvironment(_simulation("hammer", arguments), judge)
+
+
+def _simulation(name: str, arguments: dict[str, Any]) -> gymnasium.Env[Any, Any]:
+    try:
+        # Its first import prints a notice about an older package, past logging and warnings.
+        with contextlib.redirect_stderr(io.StringIO()):
+            module = importlib.import_module(f"gymnasium_robotics.envs.adroit_hand.adroit_{name}")
+    except ModuleNotFoundError as error:
+        raise UserError(
+            f"The {name} environment of suite 'adroit' needs a package that is not installed: {error.name}.",
+            "Install it: pip install 'gymnasium-robotics>=1.4.2'.",
+        ) from error
+    made: gymnasium.Env[Any, Any] = getattr(module, f"AdroitHand{name.capitalize()}Env")(**arguments)
+    return made

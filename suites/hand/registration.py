@@ -1,0 +1,7 @@
+"""Registers the environments when it is imported, so ``suites.hand.registration:lfobench/…`` is a complete id."""
+
+from __future__ import annotations
+
+from suites.hand import register_environments
+
+register_environments()
