@@ -65,11 +65,18 @@ def download(
 
     Example: lfobench data download locomotion --source d4rl --tasks 'hopper-*'
     """
+    from rich.markup import escape
+
     from lfobench.cli.progress import display
     from lfobench.data.fetching import adopt, bring
     from lfobench.errors import UserError
 
-    library, wanted = _library(), _wanted(suite, tasks, source)
+    library, wanted = _library(), [each for each in _wanted(suite, tasks, source) if each.file.addresses]
+    if not wanted:
+        output.print("Nothing to fetch: these files are your own.")
+        return
+    if from_folder is not None and not (from_folder := from_folder.expanduser()).is_dir():
+        raise UserError(f"No folder {from_folder}.", "Name another with --from.")
     absent, refused = [], []
     with display(quiet=False) as shown:
         for number, each in enumerate(wanted, start=1):
@@ -90,12 +97,12 @@ def download(
             if note is None:
                 absent.append(name)
             else:
-                output.print(f"{name}: {note.path}, SHA-256 {note.sha256[:16]}…", soft_wrap=True)
+                output.print(f"{escape(name)}: {escape(note.path)}, SHA-256 {note.sha256[:16]}…", soft_wrap=True)
     if absent:
-        errors.print(f"Not in {from_folder}: {', '.join(absent)}.", soft_wrap=True)
+        errors.print(escape(f"Not in {from_folder}: {', '.join(absent)}."), soft_wrap=True)
     if refused:
         for other in refused[1:]:
-            errors.print(str(other), soft_wrap=True)
+            errors.print(escape(str(other)), soft_wrap=True)
         raise refused[0]
     raise typer.Exit(1 if absent else 0)
 
@@ -105,11 +112,24 @@ def verify(suite: SuiteArgument, tasks: options.Tasks = None, source: AnySource 
 
     Example: lfobench data verify locomotion
     """
-    library, here = _library(), 0
+    from lfobench.errors import UserError
+
+    library, here, refused = _library(), 0, []
     for each in _wanted(suite, tasks, source, every=True):
-        if (note := library.verify(each.source, each.file)) is not None:
+        if not each.file.addresses:
+            continue  # one's own may change
+        try:
+            note = library.verify(each.source, each.file)
+        except UserError as refusal:
+            refused.append(refusal)
+            continue
+        if note is not None:
             output.print(f"{each.source} {each.file.name}: unchanged, SHA-256 {note.sha256}", soft_wrap=True)
             here += 1
+    for other in refused[1:]:
+        errors.print(str(other), soft_wrap=True, markup=False)
+    if refused:
+        raise refused[0]
     output.print(f"{here} files are what they were." if here else "None of the files is here.")
 
 
@@ -161,7 +181,6 @@ def _wanted(suite: str, tasks: str | None, source: str | None, every: bool = Fal
 
 
 def _rows(suite: str, tasks: str | None, source: str | None) -> list[dict[str, Any]]:
-    from lfobench.data.readers.formats import data_file
     from lfobench.registry import load_suite
 
     library, rows = _library(), []
@@ -177,8 +196,13 @@ def _rows(suite: str, tasks: str | None, source: str | None) -> list[dict[str, A
                 "tasks": list(each.tasks),
                 "addresses": list(each.file.addresses),
                 "path": str(path) if here else None,
-                "bytes": data_file(path).stat().st_size if here else None,
+                "bytes": _size(path) if here else None,
                 "sha256": note.sha256 if note else None,
             }
         )
     return rows
+
+
+def _size(path: Path) -> int:
+    """Bytes of a file, or of all in a folder."""
+    return sum(each.stat().st_size for each in path.rglob("*")) if path.is_dir() else path.stat().st_size

@@ -9,6 +9,7 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import output, print_json
+from lfobench.errors import UserError
 
 if TYPE_CHECKING:
     from lfobench.contract.diagnosis import Diagnosis
@@ -36,6 +37,8 @@ def doctor(
     Example: lfobench data doctor hopper-medium-expert --source d4rl
     """
     if not Path(subject).exists() and _is_task(subject, suite):
+        if horizon is not None or to is not None:
+            raise UserError("--horizon and --to are for a file; a task knows its horizon.", "Leave them out.")
         found, inside = _of_task(subject, suite, protocol, source)
     else:
         found, inside = _of_file(Path(subject), horizon, to), None

@@ -53,6 +53,9 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     output.print(f"records   {escape(str(out))}", soft_wrap=True)
     if agenda.shards:
         output.print(f"data      {len(agenda.shards)} shards to build into {escape(str(agenda.cache))}", soft_wrap=True)
+    if any(task.read_from is not None for task in plan.tasks):
+        evaluated = ", ".join(dict.fromkeys(task.environment.id.rpartition(":")[2] for task in plan.tasks))
+        output.print(f"source    {plan.cells[0].source}, evaluated on {escape(evaluated)}", soft_wrap=True)
     if absent := absent_files(plan.tasks):
         names = ", ".join(file.name for file in absent)
         output.print(f"files     {len(absent)} files to fetch: {escape(names)}", soft_wrap=True)

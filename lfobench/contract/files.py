@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import PurePath
+from pathlib import Path
 
 from lfobench.contract.environment import Environment
 from lfobench.contract.recipe import Recipe
@@ -35,9 +35,18 @@ class DataFile:
             raise ValueError(f"data file '{self.name}' has columns = {self.columns}; it must be at least 1")
 
 
-def own_file(path: str) -> DataFile:
-    """A user's file, called by its own name."""
-    return DataFile(PurePath(path).stem or path, path=path)
+def own_file(path: str | Path) -> DataFile:
+    """A user's file, called by its own name; ``~`` is the home folder.
+
+    Raises:
+        ValueError: the path is relative, and would be another file in another working folder.
+    """
+    place = Path(path).expanduser()
+    if not place.is_absolute():
+        raise ValueError(
+            f"{path} is relative; write Path(__file__).parent / {str(path)!r} for one beside the suite"
+        )
+    return DataFile(place.stem or str(place), path=str(place))
 
 
 @dataclass(frozen=True)

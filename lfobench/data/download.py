@@ -14,7 +14,9 @@ from urllib.parse import urlsplit
 
 import requests
 from filelock import FileLock
+from pydantic import BaseModel
 
+from lfobench.data.isolated import DataFileRefused
 from lfobench.errors import UserError
 
 MIRROR = "LFOBENCH_MIRROR"
@@ -31,6 +33,14 @@ Report = Callable[[int, int | None], None]
 
 class _Failed(Exception):
     """Why an address did not give the file."""
+
+
+class _Origin(BaseModel):
+    """Where the bytes of a partial file are from, so that only bytes of the same file are put behind them."""
+
+    address: str
+    validator: str = ""
+    total: int | None = None
 
 
 @dataclass(frozen=True)
@@ -53,7 +63,7 @@ def fetch(name: str, addresses: Sequence[str], target: Path, look: Callable[[Pat
         name: what it is called, for messages.
         addresses: of the file, in order; mirrors from the environment come before them.
         target: where it is to lie.
-        look: raises `UserError` for what must not take the target's name.
+        look: raises `DataFileRefused` for what must not take the target's name.
         report: told of progress.
 
     Raises:
@@ -73,7 +83,7 @@ def fetch(name: str, addresses: Sequence[str], target: Path, look: Callable[[Pat
 
 
 def _mirrored(addresses: Sequence[str]) -> Iterator[str]:
-    file = PurePosixPath(urlsplit(addresses[0]).path).name
+    file = PurePosixPath(addresses[0].partition("?")[0]).name
     for mirror in os.environ.get(MIRROR, "").split(","):
         if mirror.strip():
             yield f"{mirror.strip().rstrip('/')}/{file}"
@@ -91,12 +101,12 @@ def _from_any(
             look(partial)
         except _Failed as failure:
             tried.append(f"{address}: {failure}")
-        except UserError as refusal:
-            partial.unlink(missing_ok=True)
+        except DataFileRefused as refusal:
+            _discard(partial)
             tried.append(f"{address}: {refusal.problem.rstrip('.')}")
         else:
             partial.replace(target)
-            _marker(partial).unlink(missing_ok=True)
+            _discard(partial)
             return Fetched(target, address)
     raise UserError(
         f"{name} could not be fetched ({'; '.join(tried)}).",
@@ -106,36 +116,47 @@ def _from_any(
 
 def _from_one(address: str, partial: Path, report: Report) -> None:
     """Bring all bytes of an address into `partial`."""
-    if urlsplit(address).scheme not in ("http", "https"):
+    try:
+        scheme = urlsplit(address).scheme
+    except ValueError as error:
+        raise _Failed(f"it is no address ({error})") from error
+    if scheme not in ("http", "https"):
         raise _Failed("only http and https addresses are fetched")
-    if _marker_of(partial) != address:  # bytes of another address are not continued
-        partial.unlink(missing_ok=True)
-        _marker(partial).write_text(address, encoding="utf-8")
+    if (origin := _origin(partial)) is None or origin.address != address or not origin.validator:
+        _discard(partial)
     for attempt in range(1, ATTEMPTS + 1):
         before = _size(partial)
         try:
             _attempt(address, partial, report)
         except requests.RequestException as error:
-            if attempt == ATTEMPTS or _size(partial) <= before:
+            # Bytes that were no part of the file are gone by now, and the next attempt begins anew.
+            if attempt == ATTEMPTS or 0 < _size(partial) <= before or before == _size(partial) == 0:
                 raise _Failed(_reason(error)) from error
         else:
             return
 
 
 def _attempt(address: str, partial: Path, report: Report) -> None:
-    here = _size(partial)
-    headers = {"Accept-Encoding": "identity"} | ({"Range": f"bytes={here}-"} if here else {})
+    here, origin = _size(partial), _origin(partial)
+    headers = {"Accept-Encoding": "identity"}
+    if here and origin is not None and origin.validator:
+        headers |= {"Range": f"bytes={here}-", "If-Range": origin.validator}
     with requests.get(address, headers=headers, stream=True, timeout=(CONNECT_SECONDS, SILENT_SECONDS)) as answer:
         if answer.status_code == requests.codes.requested_range_not_satisfiable:
-            partial.unlink()
+            if answer.headers.get("Content-Range", "") == f"bytes */{here}":
+                return
+            _discard(partial)
             raise requests.exceptions.ChunkedEncodingError("the host has another file than before")
         if not answer.ok:
             raise _Failed(f"{answer.status_code} {answer.reason}".strip())
         continued = answer.status_code == requests.codes.partial_content
-        if continued and not (answer.headers.get("Content-Range") or "").startswith(f"bytes {here}-"):
-            partial.unlink()
-            raise requests.exceptions.ChunkedEncodingError("the host continues from another place than was asked")
         total = _total(answer, here if continued else 0)
+        place = answer.headers.get("Content-Range", "")
+        if continued and (not place.startswith(f"bytes {here}-") or origin is None or origin.total != total):
+            _discard(partial)
+            raise requests.exceptions.ChunkedEncodingError("the host continues another file, or from another place")
+        if not continued:
+            _note(partial, _Origin(address=address, validator=_validator(answer), total=total))
         with partial.open("ab" if continued else "wb") as file:
             for block in answer.iter_content(BLOCK):
                 file.write(block)
@@ -149,6 +170,12 @@ def _attempt(address: str, partial: Path, report: Report) -> None:
 def _total(answer: requests.Response, before: int) -> int | None:
     length = answer.headers.get("Content-Length", "")
     return before + int(length) if length.isdigit() else None
+
+
+def _validator(answer: requests.Response) -> str:
+    """By what the host knows this version of the file again (RFC 9110, 13.1.5); a weak tag does not do."""
+    tag = answer.headers.get("ETag", "")
+    return answer.headers.get("Last-Modified", "") if not tag or tag.startswith("W/") else tag
 
 
 def _reason(error: requests.RequestException) -> str:
@@ -177,8 +204,18 @@ def _marker(partial: Path) -> Path:
     return partial.with_name(f"{partial.name}.from")
 
 
-def _marker_of(partial: Path) -> str:
+def _note(partial: Path, origin: _Origin) -> None:
+    _marker(partial).write_text(origin.model_dump_json(), encoding="utf-8")
+
+
+def _origin(partial: Path) -> _Origin | None:
+    """None where nothing says where the bytes are from."""
     try:
-        return _marker(partial).read_text(encoding="utf-8")
+        return _Origin.model_validate_json(_marker(partial).read_bytes())
     except (OSError, ValueError):
-        return ""
+        return None
+
+
+def _discard(partial: Path) -> None:
+    for path in (partial, _marker(partial)):
+        path.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ from lfobench.contract.environment import Environment
 from lfobench.contract.files import DataFile
 from lfobench.contract.suite import Task
 from lfobench.data.download import Report, fetch
-from lfobench.data.isolated import examine_file
+from lfobench.data.isolated import DataFileRefused, examine_file
 from lfobench.data.library import Library, Note
 from lfobench.errors import UserError
 
@@ -36,18 +36,18 @@ class Wanted:
 
 
 def wanted_files(tasks: Sequence[Task], sources: Sequence[str] | None = None) -> list[Wanted]:
-    """Every file with an address that the tasks read from these sources, or from any, each once."""
-    found: dict[tuple[str, str], Wanted] = {}
+    """Every file that the tasks read from these sources, or from any, each once."""
+    found: dict[tuple[str, str, str | None], Wanted] = {}
     for task in tasks:
         for source, files in task.files.items():
             if sources is not None and source not in sources:
                 continue
             environment = files.environment or task.environment
             for file in (files.offline, files.expert):
-                if file is not None and file.addresses:
-                    known = found.get((source, file.name), Wanted(source, file, environment, ()))
+                if file is not None:
+                    known = found.get((source, file.name, file.path), Wanted(source, file, environment, ()))
                     names = tuple(dict.fromkeys((*known.tasks, task.name)))
-                    found[source, file.name] = Wanted(source, file, known.environment, names)
+                    found[source, file.name, file.path] = Wanted(source, file, known.environment, names)
     return sorted(found.values(), key=lambda wanted: wanted.source)
 
 
@@ -57,13 +57,15 @@ def bring(library: Library, wanted: Wanted, report: Report) -> Note:
     Raises:
         UserError: it cannot be had, or is not what it should be.
     """
-    if (note := library.note(wanted.source, wanted.file)) is not None and Path(note.path).exists():
+    if (note := library.here(wanted.source, wanted.file)) is not None:
         return note
     first = wanted.file.addresses[0]
     if first.startswith(MINARI):
         return _with_minari(library, wanted, first.removeprefix(MINARI))
     place = library.place(wanted.source, wanted.file)
     fetched = fetch(wanted.file.name, wanted.file.addresses, place, lambda path: look(path, wanted), report)
+    if not fetched.address:
+        look(place, wanted)  # put there by hand, or by another process
     return library.take_in(wanted.source, wanted.file, place, fetched.address)
 
 
@@ -90,14 +92,14 @@ def look(path: Path, wanted: Wanted) -> None:
     found = examine_file(path, wanted.environment.horizon)
     if not found.usable:
         problem = next(finding.text for finding in found.findings if finding.severity == "problem")
-        raise UserError(f"The data file {path} cannot be used: {problem}", "Download it again.")
+        raise DataFileRefused(f"The data file {path} cannot be used: {problem}", "Download it again.")
     simulator = wanted.environment.make()
     observation, action = (space.shape or (0,) for space in (simulator.observation_space, simulator.action_space))
     simulator.close()
     columns = found.observation if wanted.file.columns is None else min(found.observation, wanted.file.columns)
     for what, there, needed in (("observations", columns, observation[0]), ("actions", found.action, action[0])):
         if there != needed:
-            raise UserError(
+            raise DataFileRefused(
                 f"The data file {path} is not {wanted.file.name}: its {what} have {there} columns, those of "
                 f"{wanted.environment.id} {needed}.",
                 "Download it again.",

@@ -26,14 +26,18 @@ from lfobench.contract.diagnosis import Diagnosis
 from lfobench.data.cache import PartCache
 from lfobench.data.doctor import diagnose
 from lfobench.data.readers.checks import check, with_columns
-from lfobench.data.readers.formats import read
+from lfobench.data.readers.formats import read, sha256
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
 from lfobench.errors import UserError
 from lfobench.plan.file_parts import FilePart
 
-REFUSED = 3
+REFUSED, FAILED = 3, 4
 SECONDS = 1_800.0
 """After which a file is given up; one of a million transitions takes seconds."""
+
+
+class DataFileRefused(UserError):
+    """What is wrong lies in the file itself; another copy of it may do."""
 
 
 def import_file(root: Path, path: Path, part: FilePart) -> None:
@@ -64,7 +68,8 @@ def _carry_out(path: Path, order: dict[str, Any]) -> str:
     environment = {**os.environ, "HDF5_PLUGIN_PRELOAD": "::", "HDF5_USE_FILE_LOCKING": "FALSE"}
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "lfobench.data.isolated"],
+            # -P: no module is taken from the working folder, which may be the file's own.
+            [sys.executable, "-P", "-m", "lfobench.data.isolated"],
             input=json.dumps(order),
             capture_output=True,
             text=True,
@@ -73,9 +78,9 @@ def _carry_out(path: Path, order: dict[str, Any]) -> str:
         )
     except subprocess.TimeoutExpired as error:
         raise _error(path, f"reading it takes longer than {SECONDS / 60:.0f} minutes", OTHER) from error
-    if done.returncode == REFUSED:
+    if done.returncode in (REFUSED, FAILED):
         told = json.loads(done.stdout)
-        raise UserError(told["problem"], told["remedy"])
+        raise (DataFileRefused if done.returncode == REFUSED else UserError)(told["problem"], told["remedy"])
     if done.returncode < 0:
         raise _error(path, f"reading it ended with {signal.Signals(-done.returncode).name}", OTHER)
     if done.returncode:
@@ -86,6 +91,7 @@ def _carry_out(path: Path, order: dict[str, Any]) -> str:
 def main() -> None:
     """Carry out the order on standard input."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_AS, (_most_memory(), resource.RLIM_INFINITY))
     order = json.loads(sys.stdin.read())
     path = Path(order["path"])
     try:
@@ -95,7 +101,12 @@ def main() -> None:
             sys.stdout.write(json.dumps(asdict(_examine(path, order["horizon"])), allow_nan=False))
     except UserError as error:
         sys.stdout.write(json.dumps({"problem": error.problem, "remedy": error.remedy}))
-        raise SystemExit(REFUSED) from error
+        raise SystemExit(REFUSED if isinstance(error, DataFileRefused) else FAILED) from error
+
+
+def _most_memory() -> int:
+    """Bytes of address space: three quarters of this machine's memory."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 4 * 3
 
 
 def _import(root: Path, path: Path, part: FilePart) -> None:
@@ -103,6 +114,8 @@ def _import(root: Path, path: Path, part: FilePart) -> None:
         reading = read(path, part.horizon)
         check(reading)
         episodes = with_columns(reading.episodes, part.columns)
+        if sha256(path) != part.sha256:
+            raise FileProblem("it changed since this command began", "Run the command again.")
     PartCache(root, part).write(0, episodes)
 
 
@@ -116,7 +129,7 @@ def _problems_named(path: Path) -> Iterator[None]:
     try:
         yield
     except FileProblem as problem:
-        raise _error(path, problem.cause, problem.remedy) from problem
+        raise _refused(path, problem) from problem
     except MemoryError as error:
         raise _error(path, "it does not fit into memory", "Use a machine with more, or a part of the file.") from error
     except OSError as error:
@@ -125,6 +138,10 @@ def _problems_named(path: Path) -> Iterator[None]:
 
 def _error(path: Path, cause: str, remedy: str) -> UserError:
     return UserError(f"The data file {path} cannot be used: {cause}.", remedy)
+
+
+def _refused(path: Path, problem: FileProblem) -> DataFileRefused:
+    return DataFileRefused(f"The data file {path} cannot be used: {problem.cause}.", problem.remedy)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from lfobench.contract.files import DataFile
-from lfobench.data.readers.formats import data_file
+from lfobench.data.readers.formats import data_file, sha256
 from lfobench.data.readers.hdf5 import FileProblem
 from lfobench.errors import UserError
 from lfobench.files import write_text
@@ -57,11 +57,21 @@ class Library(NamedTuple):
         return Path(file.path) if _is_own(file) and file.path else self.folder(source) / f"{file.name}.hdf5"
 
     def note(self, source: str, file: DataFile) -> Note | None:
-        """What is known of a file; None where nothing is, or its note is damaged."""
+        """What is known of a file; None where nothing is.
+
+        Raises:
+            UserError: its note is damaged, so that nothing says whether the file is the one that was first used.
+        """
+        path = self._note_path(source, file)
         try:
-            return Note.model_validate_json(self._note_path(source, file).read_bytes())
-        except (OSError, ValueError, ValidationError):
+            return Note.model_validate_json(path.read_bytes())
+        except OSError:
             return None
+        except (ValueError, ValidationError) as error:
+            raise UserError(
+                f"The note {path} is damaged, so that nothing says which {file.name} was first used.",
+                "Delete it to take the file as it is now.",
+            ) from error
 
     def find(self, file: DataFile, source: str) -> DataFile:
         """The file with its path and hash; as it is where it is not here.
@@ -79,6 +89,17 @@ class Library(NamedTuple):
             return file
         return replace(file, path=str(path), sha256=self._known(source, file, note, path).sha256)
 
+    def here(self, source: str, file: DataFile) -> Note | None:
+        """The note of a file that is here and is what it was; None where it is not here, or was never noted.
+
+        Raises:
+            UserError: as `find` does.
+        """
+        note = self.note(source, file)
+        if note is None or not Path(note.path).exists():
+            return None
+        return self._known(source, file, note, Path(note.path))
+
     def take_in(self, source: str, file: DataFile, path: Path, address: str = "") -> Note:
         """Note where a file lies and what its hash is.
 
@@ -86,10 +107,10 @@ class Library(NamedTuple):
             UserError: it cannot be read, or it is another file than the one that was first used.
         """
         earlier = self.note(source, file)
-        sha256 = _hash(path)
-        if earlier is not None and earlier.sha256 != sha256:
-            raise _changed(file, path, earlier.sha256, sha256, self._note_path(source, file))
-        note = Note(path=str(path), sha256=sha256, stamp=_stamp(path), address=address)
+        found, stamp = _hash(path)
+        if earlier is not None and earlier.sha256 != found:
+            raise _changed(file, path, earlier.sha256, found, self._note_path(source, file))
+        note = Note(path=str(path), sha256=found, stamp=stamp, address=address)
         write_text(self._note_path(source, file), note.model_dump_json(indent=1) + "\n")
         return note
 
@@ -115,7 +136,8 @@ class Library(NamedTuple):
             raise UserError(f"No data file {path}.", "Name another with --source, or in the suite's file.")
         note = self.note(OWN, file)
         if note is None or note.stamp != _stamp(path):
-            note = Note(path=str(path), sha256=_hash(path), stamp=_stamp(path))
+            found, stamp = _hash(path)
+            note = Note(path=str(path), sha256=found, stamp=stamp)
             with suppress(UserError):  # it only saves hashing the file again
                 write_text(self._note_path(OWN, file), note.model_dump_json(indent=1) + "\n")
         return replace(file, sha256=note.sha256)
@@ -141,12 +163,17 @@ def _stamp(path: Path) -> tuple[int, int, int]:
     return found.st_size, found.st_mtime_ns, found.st_ctime_ns
 
 
-def _hash(path: Path) -> str:
+def _hash(path: Path) -> tuple[str, tuple[int, int, int]]:
+    """SHA-256 and stamp of the same bytes."""
     try:
-        with _content(path).open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        for _ in range(3):
+            before = _stamp(path)
+            found = sha256(_content(path))
+            if _stamp(path) == before:
+                return found, before
     except OSError as error:
         raise UserError(f"Cannot read {path}: {error.strerror}.", "Name another file.") from error
+    raise UserError(f"The data file {path} is being written to.", "Wait until it is whole, and run the command again.")
 
 
 def _content(path: Path) -> Path:

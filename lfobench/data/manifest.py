@@ -100,7 +100,9 @@ class Manifest:
             f"exact triples with absorbing ends: {self.exact_triples:,}",
             f"demonstration: {self.demonstration_rows:,} observation triples, from the first expert episode on "
             f"({self.demonstration_steps:,} steps, score {_spelled(self.demonstration_score)})",
-            "the demonstrated trajectory, with its actions, is also inside the offline mix (as published)",
+            "the demonstrated trajectory, with its actions, is also inside the offline mix (as published)"
+            if self.expert_rows_in_mix
+            else "no expert trajectory is inside the offline mix",
         ]
 
 

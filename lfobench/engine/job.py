@@ -175,6 +175,15 @@ def _warnings(diverged_at: int | None, data: TaskData, needs: DataNeeds) -> Iter
             "count, so none of it is mixed into the offline data.",
             remedy="Lower K, or give the recipe a longer expert part.",
         )
+    for part, have, wanted in (
+        ("offline part", data.offline.transitions, recipe.offline_transitions),
+        ("expert part", data.expert.transitions, recipe.demonstration_rows),
+    ):
+        if have < wanted:
+            yield Warning(
+                what=f"The {part} has {have:,} transitions, fewer than the {wanted:,} of the recipe.",
+                remedy="Nothing, if that is how large the data is; the footnote prints the recipe's number.",
+            )
     if data.demonstration_score is None:
         return
     scores = [data.task.environment.normalized_score(value) for value in data.expert.returns().tolist()]

@@ -57,6 +57,8 @@ def _own(text: str) -> Files:
         part, _, path = pair.partition("=")
         if part not in PARTS or not path:
             raise UserError(f"--source {text}: '{pair}' is not a part and its path.", "Write offline=PATH,expert=PATH.")
+        if part in parts:
+            raise UserError(f"--source names the {part} part twice.", "Name each part once.")
         parts[part] = own_file(str(Path(path).expanduser().resolve()))
     return Files(offline=parts.get("offline"), expert=parts.get("expert"))
 
@@ -71,7 +73,7 @@ def read_from(tasks: Sequence[Task], source: str, own: Files | None, find: Find)
         return list(tasks)
     found = []
     for task in tasks:
-        files = own or task.files.get(source)
+        files = task.files.get(source) if own is None else _of_task(own, task)
         if files is None:
             others = [GENERATED, *task.files]
             raise UserError(f"Task '{task.name}' has no source '{source}'.", f"It has: {', '.join(others)}.")
@@ -91,6 +93,14 @@ def read_from(tasks: Sequence[Task], source: str, own: Files | None, find: Find)
             )
         )
     return found
+
+
+def _of_task(own: Files, task: Task) -> Files:
+    """A user's files, read as the task's published ones: so many columns, and rewards that say the return or not."""
+    declared = [file for files in task.files.values() for file in (files.offline, files.expert) if file is not None]
+    columns = next((file.columns for file in declared if file.columns is not None), None)
+    offline, expert = (None if file is None else replace(file, columns=columns) for file in (own.offline, own.expert))
+    return replace(own, offline=offline, expert=expert, returns=all(files.returns for files in task.files.values()))
 
 
 def spelled(task: Task, source: str) -> str:

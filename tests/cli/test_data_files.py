@@ -139,6 +139,7 @@ def test_what_a_folder_lacks_is_named(suite: Path, tmp_path: Path, lfobench_comm
     outcome = lfobench_command("data", "download", suite, "--from", tmp_path)
     assert outcome.code == 1
     assert f"Not in {tmp_path}: pole-random-v0, pole-expert-v0." in outcome.err
+    assert_refused(lfobench_command("data", "download", suite, "--from", tmp_path / "none"), "No folder", "--from")
 
 
 def test_what_is_not_of_the_environment_takes_no_name(
@@ -153,6 +154,17 @@ def test_what_is_not_of_the_environment_takes_no_name(
     )
     assert listed(lfobench_command, suite)["pole-random-v0"]["path"] is None
     assert listed(lfobench_command, suite)["pole-expert-v0"]["path"] is not None, "the others are fetched all the same"
+
+
+def test_what_is_put_in_place_by_hand_is_looked_at(
+    suite: Path, published: Path, tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    place = tmp_path / "cache" / "files" / "there"
+    place.mkdir(parents=True)
+    (place / "pole-random-v0.hdf5").write_text("<html>Log in</html>")
+    assert "it is a web page" in lfobench_command("data", "download", suite).err
+    (place / "pole-random-v0.hdf5").write_bytes((published / "pole_random-v0.hdf5").read_bytes())
+    assert lfobench_command("data", "download", suite).code == 0
 
 
 def test_a_file_that_changed_is_not_trained_on(
@@ -184,6 +196,8 @@ def test_own_files_in_a_suite_file_and_on_the_command_line(
         tmp_path / "runs",
     )
     lfobench_command("data", "download", suite, "--source", "mine")
+    rows = json.loads(lfobench_command("data", "ls", suite, "--source", "mine", "--json").out)
+    assert {row["file"]: row["path"] for row in rows}["mine"] == str(mine)
     assert lfobench_command(*run, "--source", "mine").code == 0
     expert = published / "pole_expert-v0.hdf5"
     assert lfobench_command(*run, "--source", f"offline={mine},expert={expert}").code == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -12,9 +13,11 @@ import pytest
 
 from lfobench.data import download
 from lfobench.data.download import Fetched, fetch
+from lfobench.data.isolated import DataFileRefused
 from lfobench.errors import UserError
 
 CONTENT = bytes(range(256)) * 400
+TAG = '"one"'
 Answer = Callable[["Host"], None]
 
 
@@ -36,7 +39,7 @@ class Host(BaseHTTPRequestHandler):
 
     def send(self, content: bytes, status: int = 200, **headers: object) -> None:
         self.send_response(status)
-        for name, value in ({"Content_Length": len(content)} | headers).items():
+        for name, value in ({"Content_Length": len(content), "ETag": TAG} | headers).items():
             self.send_header(name.replace("_", "-"), str(value))
         self.end_headers()
         self.wfile.write(content)
@@ -88,6 +91,31 @@ def stalls(host: Host) -> None:
     time.sleep(1.0)
 
 
+def changes(host: Host) -> None:
+    """Breaks off in one file, and has another one, of the same length, when it is asked to continue."""
+    if host.times == 1:
+        host.send(bytes(40_000), Content_Length=len(CONTENT), ETag='"old"')
+    elif host.headers.get("If-Range") == TAG:
+        host.continued(CONTENT[host.start :])
+    else:
+        host.send(CONTENT)
+
+
+def longer_now(host: Host) -> None:
+    """Continues what it should not: the same tag, another length."""
+    if host.times == 1:
+        host.send(bytes(40_000), Content_Length=len(CONTENT) + 7)
+    elif host.start:
+        host.continued(CONTENT[host.start :])
+    else:
+        host.send(CONTENT)
+
+
+def complete(host: Host) -> None:
+    """There is nothing behind the last byte."""
+    host.send(b"", 416, Content_Range=f"bytes */{len(CONTENT)}")
+
+
 def redirects(host: Host) -> None:
     host.send(b"", 302, Location="/whole/file")
 
@@ -109,6 +137,9 @@ ANSWERS: dict[str, Answer] = {
     "other-place": other_place,
     "stalls": stalls,
     "redirects": redirects,
+    "changes": changes,
+    "longer-now": longer_now,
+    "complete": complete,
     "circles": in_circles,
     "page": page,
     "403": lambda host: host.send(b"no", 403),
@@ -132,7 +163,7 @@ def host(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 def look(path: Path) -> None:
     if path.read_bytes() != CONTENT:
-        raise UserError(f"{path} is not what it should be.")
+        raise DataFileRefused(f"{path} is not what it should be.")
 
 
 def get(target: Path, *addresses: str) -> Fetched:
@@ -143,7 +174,7 @@ def left(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir() if path.suffix != ".lock"}
 
 
-@pytest.mark.parametrize("kind", ["whole", "breaks-off", "no-ranges", "redirects"])
+@pytest.mark.parametrize("kind", ["whole", "breaks-off", "no-ranges", "redirects", "changes", "longer-now"])
 def test_what_arrives_in_the_end_is_whole(tmp_path: Path, host: str, kind: str) -> None:
     fetched = get(tmp_path / "file", f"{host}/{kind}/file")
     assert fetched == Fetched(tmp_path / "file", f"{host}/{kind}/file")
@@ -202,16 +233,43 @@ def test_what_is_there_is_not_fetched(tmp_path: Path, host: str) -> None:
     assert Host.asked == []
 
 
+def interrupted(folder: Path, size: int, address: str, validator: str = TAG) -> None:
+    """What a command leaves that is killed after so many bytes."""
+    (folder / "file.part").write_bytes(CONTENT[:size])
+    origin = {"address": address, "validator": validator, "total": len(CONTENT)}
+    (folder / "file.part.from").write_text(json.dumps(origin))
+
+
 def test_an_interrupted_download_is_continued_by_the_next_command(tmp_path: Path, host: str) -> None:
-    (tmp_path / "file.part").write_bytes(CONTENT[:40_000])
-    (tmp_path / "file.part.from").write_text(f"{host}/breaks-off/file")
+    interrupted(tmp_path, 40_000, f"{host}/breaks-off/file")
     get(tmp_path / "file", f"{host}/breaks-off/file")
     assert Host.asked[0] == "/breaks-off/file bytes=40000-"
+    assert left(tmp_path) == {"file"}
+
+
+def test_what_nobody_can_know_again_is_fetched_anew(tmp_path: Path, host: str) -> None:
+    interrupted(tmp_path, 40_000, f"{host}/breaks-off/file", validator="")
+    get(tmp_path / "file", f"{host}/breaks-off/file")
+    assert Host.asked[0] == "/breaks-off/file"
+
+
+def test_all_bytes_are_there_already(tmp_path: Path, host: str) -> None:
+    interrupted(tmp_path, len(CONTENT), f"{host}/complete/file")
+    get(tmp_path / "file", f"{host}/complete/file")
+    assert Host.asked == [f"/complete/file bytes={len(CONTENT)}-"]
+
+
+def test_what_stands_in_the_way_of_looking_costs_no_byte(tmp_path: Path, host: str) -> None:
+    def cannot(_: Path) -> None:
+        raise UserError("The simulator is not installed.", "Install it.")
+
+    with pytest.raises(UserError, match="The simulator is not installed"):
+        fetch("the file", [f"{host}/whole/file"], tmp_path / "file", cannot, lambda here, total: None)
+    assert (tmp_path / "file.part").read_bytes() == CONTENT
 
 
 def test_bytes_of_another_address_are_not_continued(tmp_path: Path, host: str) -> None:
-    (tmp_path / "file.part").write_bytes(b"x" * 40_000)
-    (tmp_path / "file.part.from").write_text("http://elsewhere/file")
+    interrupted(tmp_path, 40_000, "http://elsewhere/file")
     get(tmp_path / "file", f"{host}/breaks-off/file")
     assert (tmp_path / "file").read_bytes() == CONTENT
 
@@ -235,9 +293,9 @@ def test_without_a_network(tmp_path: Path) -> None:
         get(tmp_path / "file", "http://127.0.0.1:9/file")
 
 
-@pytest.mark.parametrize("address", ["file:///etc/passwd", "ftp://host/file"])
+@pytest.mark.parametrize("address", ["file:///etc/passwd", "ftp://host/file", "http://[::1/file"])
 def test_only_http_is_fetched(tmp_path: Path, address: str) -> None:
-    with pytest.raises(UserError, match="only http and https"):
+    with pytest.raises(UserError, match=r"only http and https|it is no address"):
         get(tmp_path / "file", address)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +23,18 @@ from lfobench.plan.file_parts import FilePart
 PART = FilePart("small", sha256="5" * 64, horizon=9)
 
 
+def part_of(path: Path) -> FilePart:
+    return replace(PART, sha256=hashlib.sha256(path.read_bytes()).hexdigest())
+
+
 def test_the_shard_holds_the_file_s_episodes(tmp_path: Path) -> None:
     episodes = make_episodes()
-    import_file(tmp_path / "cache", write_d4rl(tmp_path / "file.hdf5", episodes), PART)
-    cache = PartCache(tmp_path / "cache", PART)
+    path = write_d4rl(tmp_path / "file.hdf5", episodes)
+    part = part_of(path)
+    import_file(tmp_path / "cache", path, part)
+    cache = PartCache(tmp_path / "cache", part)
     assert cache.missing(None) == []
-    assert cache.folder == tmp_path / "cache" / "imported" / PART.folder
+    assert cache.folder == tmp_path / "cache" / "imported" / part.folder
     found, mark = cache.load(None, "again")
     np.testing.assert_array_equal(found.observations, episodes.observations)
     assert len(mark) == 64
@@ -75,8 +83,30 @@ def test_a_reader_that_takes_for_ever_is_given_up(tmp_path: Path, monkeypatch: p
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_cache_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "cache").mkdir(mode=0o500)
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
     with pytest.raises(UserError, match="Cannot write"):
+        import_file(tmp_path / "cache", path, part_of(path))
+
+
+def test_a_file_that_changed_since_it_was_planned_for_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="it changed since this command began"):
         import_file(tmp_path / "cache", write_d4rl(tmp_path / "file.hdf5", make_episodes()), PART)
+    assert not (tmp_path / "cache").exists()
+
+
+def test_no_module_beside_a_file_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    for module in ("h5py", "resource", "numpy"):
+        (tmp_path / f"{module}.py").write_text("import pathlib; pathlib.Path('ran').touch()")
+    monkeypatch.chdir(tmp_path)
+    assert examine_file(path, 9).usable
+    assert not (tmp_path / "ran").exists()
+
+
+def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(UserError, match="neither a file nor a folder"):
+        examine_file(tmp_path / "pipe", 9)
 
 
 def test_the_process_loads_no_more_than_it_needs() -> None:

@@ -9,6 +9,7 @@ import pytest
 from helpers_files import make_episodes, write_d4rl, write_minari
 
 from lfobench.contract.files import DataFile, own_file
+from lfobench.data import library as library_module
 from lfobench.data.library import Library
 from lfobench.errors import UserError
 
@@ -80,12 +81,30 @@ def test_bytes_changed_behind_unchanged_times_are_found_by_verify(library: Libra
 
 
 @pytest.mark.parametrize("damage", ["", "{}", "[1]", '{"path": "/etc/passwd"}'])
-def test_a_damaged_note_is_made_again(library: Library, outside: Path, damage: str) -> None:
-    place = library.place("d4rl", FILE)
-    place.parent.mkdir(parents=True)
-    place.write_bytes(outside.read_bytes())
-    (library.folder("d4rl") / f"{FILE.name}.json").write_text(damage)
-    assert library.find(FILE, "d4rl").path == str(place)
+def test_a_damaged_note_is_no_licence_to_take_another_file(library: Library, outside: Path, damage: str) -> None:
+    library.take_in("d4rl", FILE, outside)
+    note = library.folder("d4rl") / f"{FILE.name}.json"
+    note.write_text(damage)
+    with pytest.raises(UserError, match="is damaged, so that nothing says which there-v2 was first used"):
+        library.find(FILE, "d4rl")
+    note.unlink()
+    assert library.find(FILE, "d4rl") == FILE, "an adopted file is forgotten with its note"
+
+
+def test_a_file_that_is_written_to_has_no_hash(
+    library: Library, outside: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = library_module.sha256
+
+    def while_written(path: Path) -> str:
+        found = real(path)
+        with path.open("ab") as file:
+            file.write(b"more")
+        return found
+
+    monkeypatch.setattr(library_module, "sha256", while_written)
+    with pytest.raises(UserError, match="is being written to"):
+        library.take_in("d4rl", FILE, outside)
 
 
 def test_an_own_file_is_taken_as_it_is_now(library: Library, outside: Path) -> None:

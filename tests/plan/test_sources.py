@@ -55,6 +55,7 @@ def test_own_files_by_part(suite: Suite) -> None:
         ("theer", "Did you mean 'there'"),
         ("some.hdf5", "does not say which part the file is.*--source offline=some.hdf5"),
         ("middle=a.hdf5", "'middle=a.hdf5' is not a part and its path"),
+        ("offline=a.hdf5,offline=b.hdf5", "names the offline part twice"),
         ("offline=", "'offline=' is not a part and its path"),
     ],
 )
@@ -79,6 +80,20 @@ def test_a_part_that_is_no_file_is_generated(suite: Suite) -> None:
     assert offline == requests(suite, suite.tasks[0], suite.tasks[0].recipe)[0]
     assert isinstance(expert.specification, FilePart)
     assert read.environment == suite.tasks[0].environment
+
+
+def test_an_own_file_has_one_place() -> None:
+    assert own_file("~/a.hdf5").path == str(Path("~/a.hdf5").expanduser())
+    with pytest.raises(ValueError, match="is relative"):
+        own_file("a.hdf5")
+
+
+def test_own_files_are_read_as_the_published_ones_are(suite: Suite) -> None:
+    published = Files(replace(OFFLINE, columns=3), replace(EXPERT, columns=3), returns=False)
+    task = replace(suite.tasks[0], files={"there": published})
+    (read,) = read_from([task], "files", Files(offline=own_file("/data/a.hdf5")), here)
+    assert read.read_from is not None and read.read_from.offline is not None
+    assert (read.read_from.offline.columns, read.read_from.returns) == (3, False)
 
 
 def test_files_that_are_not_here_can_be_planned_and_are_named_once(suite: Suite) -> None:

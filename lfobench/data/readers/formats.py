@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 from lfobench.data.readers import d4rl, minari, robomimic
@@ -17,12 +18,25 @@ def data_file(path: Path) -> Path:
     Raises:
         FileProblem: a folder that is no Minari dataset.
     """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise FileProblem("it is neither a file nor a folder", OTHER)
     if not path.is_dir():
         return path
     for inside in (IN_MINARI_FOLDER, Path(IN_MINARI_FOLDER.name)):
         if (path / inside).is_file():
             return path / inside
     raise FileProblem(f"it is a folder without {IN_MINARI_FOLDER}, so no Minari dataset", "Name a file.")
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 (hex) of the HDF5 file behind a path.
+
+    Raises:
+        FileProblem: a folder that is no Minari dataset.
+        OSError: it cannot be read.
+    """
+    with data_file(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read(path: Path, horizon: int | None = None) -> Reading:

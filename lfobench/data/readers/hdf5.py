@@ -6,6 +6,7 @@ HDF5 does not bring along, no array is made that is out of proportion to the fil
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,7 +21,8 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_INFLATION = 1_100
 """Bytes out of one byte on disk; deflate gives at most 1032."""
 BLOCK_BYTES = 8 * 2**20
-"""Read at once, and at most what one chunk may hold."""
+"""Read at once, or one row of chunks where that is more."""
+MOST_CHUNK_BYTES = 2**29
 FILTERS = frozenset({"gzip", "lzf", "shuffle", "fletcher32", "scaleoffset"})
 _FILTER_NAMES = {
     h5py.h5z.FILTER_DEFLATE: "gzip",
@@ -210,14 +212,23 @@ def _check(found: h5py.Dataset, field: str, dimensions: int) -> None:
             f"field '{field}' needs the filter {unknown[0]}, and none is loaded from outside",
             "Repack it: h5repack -f GZIP=4 FILE NEW.",
         )
+    if 0 in found.shape[1:]:
+        raise FileProblem(f"field '{field}' has no column", OTHER)
     stored, whole = found.id.get_storage_size(), found.size * kind.itemsize
     if whole > MOST_INFLATION * stored:
         raise FileProblem(
             f"field '{field}' declares {whole:,} bytes {found.shape} and stores {stored:,}, so most of it is not there",
             AGAIN,
         )
-    if found.chunks is not None and int(np.prod(found.chunks, dtype=np.float64)) * kind.itemsize > 2**31:
+    if found.chunks is None:
+        return
+    if int(np.prod(found.chunks, dtype=np.float64)) * kind.itemsize > MOST_CHUNK_BYTES:
         raise FileProblem(f"field '{field}' has chunks {found.chunks}, too large to be read in parts", OTHER)
+    chunks = math.prod(-(-size // chunk) for size, chunk in zip(found.shape, found.chunks, strict=True))
+    if (there := found.id.get_num_chunks()) < chunks:
+        raise FileProblem(
+            f"field '{field}' was never written to its end: {there:,} of {chunks:,} chunks are there", AGAIN
+        )
 
 
 def _filters(found: h5py.Dataset) -> list[str]:

@@ -57,6 +57,12 @@ def foreign_filter(path: Path) -> None:
         )
 
 
+def partly_written(path: Path) -> None:
+    replace_field(path, "actions", shape=(20, 2), dtype="f4", chunks=(10, 2))
+    with h5py.File(path, "a") as file:
+        file["actions"][:10] = 1.0
+
+
 def not_finite(path: Path) -> None:
     with h5py.File(path, "a") as file:
         file["observations"][12, 1] = np.nan
@@ -125,6 +131,14 @@ D4RL_CASES: dict[str, tuple[Callable[[Path], object], str]] = {
     "declared and not there": (
         lambda path: replace_field(path, "observations", shape=(2**40, 4), dtype="f4", chunks=(1000, 4)),
         "field 'observations' declares 17,592,186,044,416 bytes",
+    ),
+    "no column": (
+        lambda path: replace_field(path, "actions", data=np.zeros((20, 0))),
+        "field 'actions' has no column",
+    ),
+    "never written to its end": (
+        partly_written,
+        "field 'actions' was never written to its end: 1 of 2 chunks",
     ),
     "not finite": (not_finite, "field 'observations' has a value that is no finite number, the first in row 12"),
     "an odd flag": (an_odd_flag, "field 'terminals' has .*7.* in row 3, where 0 or 1 belongs"),
