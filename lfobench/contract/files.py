@@ -43,9 +43,7 @@ def own_file(path: str | Path) -> DataFile:
     """
     place = Path(path).expanduser()
     if not place.is_absolute():
-        raise ValueError(
-            f"{path} is relative; write Path(__file__).parent / {str(path)!r} for one beside the suite"
-        )
+        raise ValueError(f"{path} is relative; write Path(__file__).parent / {str(path)!r} for one beside the suite")
     return DataFile(place.stem or str(place), path=str(place))
 
 
