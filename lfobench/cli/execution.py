@@ -125,22 +125,24 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
     if tally.busy:
         errors.print(f"{tally.busy} left to the other process that is training them. Run again to see them done.")
         return 1
+    remove_checkpoints_of_the_finished(agenda, out)
     return 0
 
 
 def remove_checkpoints_of_the_finished(agenda: Agenda, out: Path) -> None:
-    """Delete what a job left that was killed between its last record and the end of its checkpoint.
+    """Delete what jobs left that were killed between two records, or between the last one and their checkpoint's end.
 
-    Such a job is never taken up again, so nobody else would.
+    Records are written in the order of the seeds, so what is left of a job trains as another one, and nobody else would
+    ever look at its checkpoint.
     """
     plan, folder = agenda.plan, RecordFolder(out)
-    done = {run.identity_hash for run in agenda.done}
     for cell in plan.cells:
-        if all(Run(cell, seed).identity_hash in done for seed in plan.seeds):
-            for seeds in {plan.seeds, *((seed,) for seed in plan.seeds)}:
-                job = Job(cell, seeds, out, agenda.cache, plan.device)
-                with suppress(OSError):
-                    folder.checkpoint(job.hash).unlink()
+        if not all(folder.path(Run(cell, seed)).exists() for seed in plan.seeds):
+            continue
+        remainders = {plan.seeds[first:] for first in range(len(plan.seeds))}
+        for seeds in remainders | {(seed,) for seed in plan.seeds}:
+            with suppress(OSError):
+                folder.checkpoint(Job(cell, seeds, out, agenda.cache, plan.device).hash).unlink()
 
 
 def build_data(shards: Sequence[ShardJob | ImportJob], workers: int, stop: StopRequest, quiet: bool = False) -> None:

@@ -46,8 +46,8 @@ def run(
         planned.show(todo, expected, out)
     if dry_run:
         return
-    execution.remove_checkpoints_of_the_finished(todo, out)
     if not todo.jobs:
+        execution.remove_checkpoints_of_the_finished(todo, out)
         return
     code = execution.carry_out_agenda(todo, expected, out, quiet=as_json)
     if code == 0 and not as_json:
