@@ -72,6 +72,13 @@ class Environment:
                 **self.arguments,
             )
 
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shape of one row of ``observations`` and of ``actions``, as a fresh simulator has them."""
+        simulator = self.make()
+        spaces = {"observations": simulator.observation_space, "actions": simulator.action_space}
+        simulator.close()
+        return {field: tuple(space.shape or ()) for field, space in spaces.items()}
+
     def normalized_score(self, episode_return: float) -> float:
         """Score ``100 (return - random) / (expert - random)`` (methods.md 5.1; D4RL's definition)."""
         return 100.0 * (episode_return - self.random_return) / (self.expert_return - self.random_return)

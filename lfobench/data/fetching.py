@@ -93,15 +93,13 @@ def look(path: Path, wanted: Wanted) -> None:
     if not found.usable:
         problem = next(finding.text for finding in found.findings if finding.severity == "problem")
         raise DataFileRefused(f"The data file {path} cannot be used: {problem}", "Download it again.")
-    simulator = wanted.environment.make()
-    observation, action = (space.shape or (0,) for space in (simulator.observation_space, simulator.action_space))
-    simulator.close()
-    columns = found.observation if wanted.file.columns is None else min(found.observation, wanted.file.columns)
-    for what, there, needed in (("observations", columns, observation[0]), ("actions", found.action, action[0])):
-        if there != needed:
+    read = found.observation if wanted.file.columns is None else min(found.observation, wanted.file.columns)
+    columns = {"observations": read, "actions": found.action}
+    for field, shape in wanted.environment.shapes().items():
+        if (columns[field],) != shape:
             raise DataFileRefused(
-                f"The data file {path} is not {wanted.file.name}: its {what} have {there} columns, those of "
-                f"{wanted.environment.id} {needed}.",
+                f"The data file {path} is not {wanted.file.name}: its {field} have {columns[field]} columns, those of "
+                f"{wanted.environment.id} {shape[0] if shape else 0}.",
                 "Download it again.",
             )
 

@@ -28,11 +28,8 @@ def record(specification: PartSpecification, operator: Operator) -> Episodes:
 
 
 def _check_recording(episodes: Episodes, environment: Environment) -> None:
-    simulator = environment.make()
-    spaces = {"observations": simulator.observation_space, "actions": simulator.action_space}
-    simulator.close()
-    for name, space in spaces.items():
-        columns, wanted = getattr(episodes, name).shape[1:], space.shape
+    for name, wanted in environment.shapes().items():
+        columns = getattr(episodes, name).shape[1:]
         if columns != wanted:
             raise ValueError(f"{name} has rows of shape {columns}; those of {environment.id} are of shape {wanted}")
     for name in ("observations", "rewards"):

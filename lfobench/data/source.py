@@ -78,11 +78,9 @@ def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryR
 
 
 def _check_columns(task: Task, parts: Mapping[DataFile | None, Episodes]) -> None:
-    simulator = task.environment.make()
-    spaces = {"observations": simulator.observation_space.shape, "actions": simulator.action_space.shape}
-    simulator.close()
+    shapes = task.environment.shapes()
     for file, episodes in parts.items():
-        for field, shape in spaces.items():
+        for field, shape in shapes.items():
             found = getattr(episodes, field).shape[1:]
             if file is not None and found != shape:
                 raise UserError(

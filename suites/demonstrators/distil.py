@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -72,8 +72,12 @@ def main(
     except UserError as error:
         console.print(str(error), style="red")
         raise typer.Exit(2) from error
-    output.mkdir(parents=True, exist_ok=True)
-    stem = output / f"{environment}-{level}"
+    write_policy(output / f"{environment}-{level}", weights, card, console)
+
+
+def write_policy(stem: Path, weights: bytes, card: dict[str, Any], console: Console) -> None:
+    """Write a weight file and its card side by side; `stem` is the path of both without suffix."""
+    stem.parent.mkdir(parents=True, exist_ok=True)
     stem.with_suffix(".safetensors").write_bytes(weights)
     stem.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
     console.print(f"wrote {stem.name}.safetensors and {stem.name}.json")

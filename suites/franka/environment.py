@@ -9,9 +9,6 @@ its noisy sensors see it, which differs by less than a tenth of the threshold.
 
 from __future__ import annotations
 
-import contextlib
-import importlib
-import io
 from typing import Any
 
 import gymnasium
@@ -19,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.contract.episodes import FloatArray
-from lfobench.errors import UserError
 from suites.franka import constants
 from suites.franka.constants import Layout, Variant
+from suites.robotics import imported
 
 SIZES: dict[Layout, int] = {"d4rl": 60, "d4rl-without-goal": 30, "minari": 59}
 
@@ -63,7 +60,9 @@ class Kitchen(gymnasium.Env[FloatArray, NDArray[np.floating[Any]]]):
         self._noisy = layout != "minari"
         self._tail = constants.goal(variant) if layout == "d4rl" else np.empty(0, np.float32)
         noise = {"robot_noise_ratio": constants.NOISE_RATIO, "object_noise_ratio": 0.0} if self._noisy else {}
-        self._kitchen = _kitchen(tasks_to_complete=list(constants.SUB_TASKS[variant]), **noise)
+        self._kitchen = imported("franka_kitchen", "kitchen").KitchenEnv(
+            tasks_to_complete=list(constants.SUB_TASKS[variant]), **noise
+        )
         self.model, self.data = self._kitchen.model, self._kitchen.data
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (SIZES[layout],), np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (constants.ROBOT,), np.float32)
@@ -94,18 +93,6 @@ class Kitchen(gymnasium.Env[FloatArray, NDArray[np.floating[Any]]]):
         noise = self.np_random.uniform(-1.0, 1.0, constants.OBJECTS) * constants.OBJECT_NOISE
         objects = objects + constants.NOISE_RATIO * noise
         return np.concatenate((robot.astype(np.float32), objects.astype(np.float32), self._tail))
-
-
-def _kitchen(**arguments: Any) -> Any:
-    try:
-        with contextlib.redirect_stderr(io.StringIO()):  # the package prints a notice that nothing else silences
-            module = importlib.import_module("gymnasium_robotics.envs.franka_kitchen")
-    except ImportError as error:
-        raise UserError(
-            f"The kitchen's simulator cannot be imported: {error}.",
-            "Install it: pip install 'gymnasium-robotics>=1.4.2,<2' 'mujoco>=3.3,<3.5'",
-        ) from error
-    return module.KitchenEnv(**arguments)
 
 
 def _completed(information: dict[str, Any]) -> dict[str, Any]:

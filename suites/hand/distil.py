@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
 import platform
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +24,7 @@ from lfobench.plan.parts import specification
 from suites.adroit import GENERATED, SUITE
 from suites.demonstrators.card import LIBRARIES, make_card, shortfall
 from suites.demonstrators.dagger import Settings, distil
+from suites.demonstrators.distil import write_policy
 from suites.demonstrators.measure import measure, without_noise
 from suites.demonstrators.policy import GaussianTanhPolicy
 from suites.demonstrators.teacher import read_teacher
@@ -119,11 +119,7 @@ def main(
     card["versions"]["gymnasium-robotics"] = version("gymnasium-robotics")
     for name, measured in card["levels"].items():
         console.print(f"{name}: {measured['score_mean']:.1f} ± {measured['score_std']:.1f}")
-    output.mkdir(parents=True, exist_ok=True)
-    stem = output / f"{environment}-{policy}"
-    stem.with_suffix(".safetensors").write_bytes(weights)
-    stem.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
-    console.print(f"wrote {stem.name}.safetensors and {stem.name}.json")
+    write_policy(output / f"{environment}-{policy}", weights, card, console)
 
 
 if __name__ == "__main__":

@@ -8,16 +8,13 @@ return, and records that tell outcomes would be shown as counts of successes.
 
 from __future__ import annotations
 
-import contextlib
-import importlib
-import io
 from collections.abc import Callable
 from typing import Any, SupportsFloat
 
 import gymnasium
 
-from lfobench.errors import UserError
 from suites.hand import rewards
+from suites.robotics import imported
 
 Judgement = tuple[float, bool]
 """Reward of a step, and whether the episode ended in it."""
@@ -79,14 +76,6 @@ def hammer(**arguments: Any) -> HandEnvironment:
 
 
 def _simulation(name: str, arguments: dict[str, Any]) -> gymnasium.Env[Any, Any]:
-    try:
-        # Its first import prints a notice about an older package, past logging and warnings.
-        with contextlib.redirect_stderr(io.StringIO()):
-            module = importlib.import_module(f"gymnasium_robotics.envs.adroit_hand.adroit_{name}")
-    except ModuleNotFoundError as error:
-        raise UserError(
-            f"The {name} environment of suite 'adroit' needs a package that is not installed: {error.name}.",
-            "Install it: pip install 'gymnasium-robotics>=1.4.2'.",
-        ) from error
+    module = imported(f"adroit_hand.adroit_{name}", "adroit")
     made: gymnasium.Env[Any, Any] = getattr(module, f"AdroitHand{name.capitalize()}Env")(**arguments)
     return made

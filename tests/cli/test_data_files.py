@@ -73,25 +73,18 @@ def suite(tmp_path: Path, published: Path, monkeypatch: pytest.MonkeyPatch) -> I
     server.server_close()
 
 
+def training(suite: Path, out: Path) -> tuple[object, ...]:
+    """The command line of one small run."""
+    return "run", "--suite", suite, "--methods", "bc", "--protocol", "smoke", "--seeds", "0", "--out", out
+
+
 def listed(command: InProcess, suite: Path) -> dict[str, dict[str, object]]:
     rows = json.loads(command("data", "ls", suite, "--source", "there", "--json").out)
     return {row["file"]: row for row in rows}
 
 
 def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfobench_command: InProcess) -> None:
-    run = (
-        "run",
-        "--suite",
-        suite,
-        "--methods",
-        "bc",
-        "--protocol",
-        "smoke",
-        "--seeds",
-        "0",
-        "--out",
-        tmp_path / "runs",
-    )
+    run = training(suite, tmp_path / "runs")
     planned = lfobench_command(*run, "--dry-run")
     assert planned.code == 0 and "to do     1 of 1 runs" in planned.out
     assert "2 files to fetch: pole-random-v0, pole-expert-v0" in " ".join(planned.out.split())
@@ -182,19 +175,7 @@ def test_own_files_in_a_suite_file_and_on_the_command_line(
     suite: Path, published: Path, tmp_path: Path, lfobench_command: InProcess
 ) -> None:
     mine = write_minari(tmp_path / "mine.hdf5", make_episodes([20] * 30, [False] * 30, 4, 1))
-    run = (
-        "run",
-        "--suite",
-        suite,
-        "--methods",
-        "bc",
-        "--protocol",
-        "smoke",
-        "--seeds",
-        "0",
-        "--out",
-        tmp_path / "runs",
-    )
+    run = training(suite, tmp_path / "runs")
     lfobench_command("data", "download", suite, "--source", "mine")
     rows = json.loads(lfobench_command("data", "ls", suite, "--source", "mine", "--json").out)
     assert {row["file"]: row["path"] for row in rows}["mine"] == str(mine)
