@@ -137,7 +137,9 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
     environment, (offline, expert) = task.environment, recipe.words
     equal = isinstance(recipe, TrajectoryRecipe) and recipe.equal_transitions
     cut = ", the former cut to as many transitions as the latter" if equal else ""
-    output.print(f"[bold]{task.name}[/]: {environment.id}, {environment.horizon} steps per episode")
+    arguments = "".join(f", {field} {_spelling(value)}" for field, value in environment.arguments.items())
+    steps = f"{environment.horizon} steps per episode"
+    output.print(f"[bold]{task.name}[/]: {environment.id}{escape(arguments)}, {steps}", soft_wrap=True)
     output.print(f"score 0 = return {environment.random_return:g}, score 100 = return {environment.expert_return:g}")
     output.print(
         f"recipe ({protocol.name}): {offline} + {expert}{cut}; {protocol.for_task(task).steps_for(task):,} steps",

@@ -16,6 +16,7 @@ class _Environment(_Fields):
     id: str
     random_return: Annotated[FiniteFloat, Strict()]
     expert_return: Annotated[FiniteFloat, Strict()]
+    arguments: dict[str, Any] = {}
 
     @model_validator(mode="after")
     def _scale(self) -> _Environment:

@@ -105,6 +105,14 @@ class Tuning(_Model):
     steps: int = Field(ge=1, description="Gradient steps of those, all together, in every stage.")
 
 
+class Counts(_Model):
+    """What there was of the data that a recipe asks for; a file can hold less."""
+
+    offline_transitions: int = Field(ge=0, description="Of the offline part, before expert trajectories join it.")
+    expert_trajectories: int = Field(ge=0, description="That joined the offline data, with their actions.")
+    demonstration_rows: int = Field(ge=0, description="That are observed.")
+
+
 class Record(_Model):
     """One run. See the module docstring."""
 
@@ -121,6 +129,9 @@ class Record(_Model):
     )
     metrics: list[Metrics]
     tuning: Tuning | None = Field(default=None, description="Where hyperparameters were chosen from a grid.")
+    counts: Counts | None = Field(
+        default=None, description="What there was of the recipe's data, where the recipe counts transitions."
+    )
     warnings: list[Warning]
     provenance: dict[str, Any] = Field(description="Versions, device, wall time, data fingerprint, revision.")
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from lfobench.contract.episodes import Episodes
-from lfobench.contract.files import DataFile
 from lfobench.contract.method import DataNeeds
+from lfobench.contract.record import Counts
 from lfobench.contract.suite import Recipe, Suite, Task, TrajectoryRecipe
 from lfobench.data import boundaries
 from lfobench.data.cache import PartCache
@@ -53,6 +52,21 @@ class TaskData:
         """
         return self.score(self.expert if isinstance(self.recipe, TrajectoryRecipe) else self.expert.first_episodes(1))
 
+    def counts(self, needs: DataNeeds) -> Counts | None:
+        """What there is of the recipe's data, under a method's boundary rules; None where trajectories count."""
+        recipe = self.recipe
+        if isinstance(recipe, TrajectoryRecipe):
+            return None
+        if needs.boundary == "released":
+            trajectories = recipe.expert_trajectories if self.released_expert_rows else 0
+            rows = min(recipe.demonstration_rows, self.expert.transitions)
+        else:
+            trajectories = min(recipe.expert_trajectories, len(self.expert.lengths))
+            rows = self.expert.first_episodes(1).transitions
+        return Counts(
+            offline_transitions=self.offline.transitions, expert_trajectories=trajectories, demonstration_rows=rows
+        )
+
     def mixture(self, needs: DataNeeds) -> Mixture:
         """The rows that a method declares."""
         return mix(self.offline, self.expert, self.recipe, needs, self.task.environment.horizon)
@@ -70,22 +84,27 @@ def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryR
     )
     if isinstance(recipe, TrajectoryRecipe):
         _check_actions(task, recipe, offline, expert)
-    if task.read_from is not None:
-        _check_columns(task, {task.read_from.offline: offline, task.read_from.expert: expert})
+    check_columns(root, suite, task, recipe, rebuild)
     if isinstance(recipe, TrajectoryRecipe) and recipe.equal_transitions:
         offline = offline.first_transitions(expert.transitions)
     return TaskData(task, recipe, offline, expert, {"offline": offline_mark, "expert": expert_mark})
 
 
-def _check_columns(task: Task, parts: Mapping[DataFile | None, Episodes]) -> None:
-    shapes = task.environment.shapes()
-    for file, episodes in parts.items():
+def check_columns(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe, rebuild: str) -> None:
+    """Hold the files that a task is read from, once they are in the cache, against its environment.
+
+    Raises:
+        UserError: a file's rows are not as wide as the environment's.
+    """
+    read = [request for request in requests(suite, task, recipe) if request.path is not None]
+    shapes = task.environment.shapes() if read else {}
+    for request in read:
+        found = PartCache(root, request.specification).row_shapes(rebuild)
         for field, shape in shapes.items():
-            found = getattr(episodes, field).shape[1:]
-            if file is not None and found != shape:
+            if found[field] != shape:
                 raise UserError(
-                    f"The data file {file.path} is not of {task.name}: its {field} have {found[0]} columns, those of "
-                    f"{task.environment.id} {shape[0] if shape else 0}.",
+                    f"The data file {request.path} is not of {task.name}: its {field} have {found[field][0]} columns, "
+                    f"those of {task.environment.id} {shape[0] if shape else 0}.",
                     "Name another file, or another task with --tasks.",
                 )
 

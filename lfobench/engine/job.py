@@ -150,6 +150,7 @@ def _record(
         further=further,
         metrics=progress.metrics[index],
         tuning=run.cell.tuning,
+        counts=data.counts(needs),
         warnings=[*_warnings(diverged_at, data, needs), *trainer.warnings],
         provenance=provenance(device, run.cell.precision, progress.seconds, data.fingerprints)
         | {
@@ -182,7 +183,7 @@ def _warnings(diverged_at: int | None, data: TaskData, needs: DataNeeds) -> Iter
         if have < wanted:
             yield Warning(
                 what=f"The {part} has {have:,} transitions, fewer than the {wanted:,} of the recipe.",
-                remedy="Nothing, if that is how large the data is; the footnote prints the recipe's number.",
+                remedy="Nothing, if that is how large the data is.",
             )
     if data.demonstration_score is None:
         return

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from lfobench.contract.record import Record
 from lfobench.render.cell_text import DIVERGED, FAILED, MISSING
@@ -40,10 +41,16 @@ def _simulator(records: Sequence[Record]) -> Note:
     for record in records:
         for package, version in record.identity["simulator"].items():
             versions.setdefault(package, []).append(str(version))
-    # An id may name the module that registers it before a colon.
-    environments = sorted({str(record.identity["environment"]["id"]).rpartition(":")[2] for record in records})
+    environments = sorted({_environment(record.identity["environment"]) for record in records})
     packages = ", ".join(f"{package} {either(found)}" for package, found in versions.items())
     return Note("Simulator", f"{packages}; {', '.join(environments)}.")
+
+
+def _environment(environment: Mapping[str, Any]) -> str:
+    # An id may name the module that registers it before a colon.
+    name = str(environment["id"]).rpartition(":")[2]
+    arguments = ", ".join(assignments([environment.get("arguments", {})]))
+    return f"{name} ({arguments})" if arguments else name
 
 
 def _precision(records: Sequence[Record]) -> Iterator[Note]:

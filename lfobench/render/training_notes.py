@@ -63,13 +63,24 @@ def counts_trajectories(record: Record) -> bool:
 
 def _mixed(records: Sequence[Record]) -> str:
     def values(field: str) -> str:
-        return either(record.identity["recipe"][field] for record in records)
+        found = sorted({_there(record, field) for record in records})
+        return " or ".join(f"{there:,}{_of_recipe(there, wanted)}" for there, wanted in found)
 
     return (
         f"Offline data: {values('offline_transitions')} transitions and, with their actions, "
         f"{values('expert_trajectories')} expert trajectories. "
         f"Expert data: {values('demonstration_rows')} rows, observations only."
     )
+
+
+def _there(record: Record, field: str) -> tuple[int, int]:
+    """How much there was, and how much the recipe asks for."""
+    wanted: int = record.identity["recipe"][field]
+    return (wanted if record.counts is None else getattr(record.counts, field)), wanted
+
+
+def _of_recipe(there: int, wanted: int) -> str:
+    return f" of the recipe's {wanted:,}" if there < wanted else ""
 
 
 def _recorded(records: Sequence[Record]) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from helpers_records import endings, make_cell, make_counted
+from helpers_records import endings, make_cell, make_counted, make_record
 
-from lfobench.contract.record import Record, Tuning
+from lfobench.contract.record import Counts, Record, Tuning
 from lfobench.errors import UserError
 from lfobench.render.building import build_table
 
@@ -92,6 +92,23 @@ def test_the_module_that_registers_an_environment_is_not_part_of_its_name() -> N
     environment = record.identity["environment"] | {"id": "somewhere.registration:lfobench/SafeManipulation-v0"}
     text = notes([make_counted(endings(1, 2), environment=environment)])["Simulator"]
     assert text.endswith("; lfobench/SafeManipulation-v0.")
+
+
+def test_the_arguments_of_an_environment_are_named_with_it() -> None:
+    record = make_record(50.0)
+    kitchen = record.identity["environment"] | {"id": "Kitchen-v1", "arguments": {"variant": "mixed", "goal": True}}
+    text = notes([record, make_record(50.0, row="kitchen", environment=kitchen)])["Simulator"]
+    assert text.endswith("; Hopper-v5, Kitchen-v1 (variant = mixed, goal = True).")
+
+
+def test_what_a_file_lacks_of_the_recipe_is_said() -> None:
+    whole, short = make_record(50.0), make_record(50.0, row="walker2d")
+    counts = Counts(offline_transitions=600, expert_trajectories=0, demonstration_rows=1000)
+    text = notes([whole, short.model_copy(update={"counts": counts})])["Source"]
+    assert text == (
+        "generated. Offline data: 600 of the recipe's 1,000,000 or 1,000,000 transitions and, with their actions, "
+        "0 of the recipe's 200 or 200 expert trajectories. Expert data: 1,000 rows, observations only."
+    )
 
 
 # --- tuning ----------------------------------------------------------------------------------------------------------
