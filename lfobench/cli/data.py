@@ -44,6 +44,7 @@ def build(
     if stop():
         output.print("Stopped. The same command continues from here.")
         raise typer.Exit(execution.INTERRUPTED)
+    planned.check_files_of_suite(suite, tasks, protocol, source, root)
     if not shards:
         output.print("Nothing to build: every shard is there.")
 

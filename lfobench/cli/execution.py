@@ -18,6 +18,7 @@ from lfobench.cli.progress import JobLine, OverallLine, display
 from lfobench.contract.record import Warning
 from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
+from lfobench.data.source import check_columns
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.errors import UserError
@@ -98,12 +99,12 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
             f"Fetch them: lfobench data download {plan.cells[0].suite} --source {plan.cells[0].source}",
         )
     sources = {task.name: spelled(task, plan.cells[0].source) for task in plan.tasks}
+
+    def rebuild(task: str) -> str:
+        return build_command(plan.cells[0].suite, plan.protocol.name, task, sources[task])
+
     with errors.status("Checking the data…"):
-        check_present(
-            agenda.cache,
-            agenda.requests,
-            lambda name: build_command(plan.cells[0].suite, plan.protocol.name, name, sources[name]),
-        )
+        check_present(agenda.cache, agenda.requests, rebuild)
     if agenda.shards:
         writable_folder(agenda.cache, "LFOBENCH_CACHE")
     writable_folder(out, "--out")
@@ -112,6 +113,9 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
         with stop.listening():
             build_data(agenda.shards, agenda.builders, stop, quiet)
             RecordFolder(out).remove_leftovers()
+            if not stop():
+                for cell in {job.cell.task.name: job.cell for job in agenda.jobs}.values():
+                    check_columns(agenda.cache, plan.suite, cell.task, cell.recipe, rebuild(cell.task.name))
             tally = Tally() if stop() else _train(agenda, expected, out, stop, quiet)
     except KeyboardInterrupt:
         stop.asked = True

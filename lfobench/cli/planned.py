@@ -17,11 +17,12 @@ from lfobench.contract.suite import Task
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.data.cache import PartCache
 from lfobench.data.library import Library
+from lfobench.data.source import check_columns
 from lfobench.plan.names import select_tasks, split_names
-from lfobench.plan.parts import PartRequest, requests
+from lfobench.plan.parts import PartRequest, build_command, requests
 from lfobench.plan.planning import Plan, choose_protocol
 from lfobench.plan.protocol import Protocol
-from lfobench.plan.sources import absent_files, choose_source, read_from
+from lfobench.plan.sources import absent_files, choose_source, read_from, spelled
 from lfobench.registry import load_suite
 
 
@@ -127,6 +128,18 @@ def shards_of_suite(
     return missing_shards(root, suite, _requests_of_suite(suite, tasks, protocol, source, root))
 
 
+def check_files_of_suite(suite: str, tasks: str | None, protocol: str, source: str, root: Path) -> None:
+    """Hold the files that the chosen tasks are read from, where they are in the cache, against the environments.
+
+    Raises:
+        UserError: a file's rows are not as wide as the environment's.
+    """
+    budget, loaded = _budget_of(protocol), load_suite(suite)
+    for task in tasks_of_suite(suite, tasks, source, root)[0]:
+        rebuild = build_command(suite, budget.name, task.name, spelled(task, source))
+        check_columns(root, loaded, task, budget.recipe_for(task), rebuild)
+
+
 def cached_fingerprints(plan: Plan, task: Task, root: Path) -> dict[str, str]:
     """Fingerprints of a task's parts as the cache holds them; a part that is not whole is left out."""
     parts = zip(("offline", "expert"), requests(plan.suite, task, plan.protocol.recipe_for(task)), strict=True)
@@ -168,12 +181,15 @@ def tasks_of_suite(suite: str, tasks: str | None, source: str, root: Path) -> tu
 def _requests_of_suite(
     suite: str, tasks: str | None, protocol: str, source: str, root: Path
 ) -> list[tuple[str, PartRequest]]:
+    budget, loaded = _budget_of(protocol), load_suite(suite)
+    chosen, _ = tasks_of_suite(suite, tasks, source, root)
+    return [(task.name, request) for task in chosen for request in requests(loaded, task, budget.recipe_for(task))]
+
+
+def _budget_of(protocol: str) -> Protocol:
     import torch
 
-    budget = choose_protocol(protocol, "cuda" if torch.cuda.is_available() else "cpu")[0]
-    chosen, _ = tasks_of_suite(suite, tasks, source, root)
-    loaded = load_suite(suite)
-    return [(task.name, request) for task in chosen for request in requests(loaded, task, budget.recipe_for(task))]
+    return choose_protocol(protocol, "cuda" if torch.cuda.is_available() else "cpu")[0]
 
 
 def plain(value: Any) -> Any:
