@@ -139,21 +139,23 @@ def remove(
     source: AnySource = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
 ) -> None:
-    """Forget the files of a suite; what was downloaded is deleted, what was adopted stays where it lies.
+    """Forget the files of a suite and delete what was made of them; what was adopted stays where it lies.
 
     Example: lfobench data rm locomotion --source d4rl
     """
+    from lfobench.data.fetching import forget, known
+
     library = _library()
-    here = [each for each in _wanted(suite, tasks, source, every=True) if library.note(each.source, each.file)]
+    here = [each for each in _wanted(suite, tasks, source, every=True) if known(library, each)]
     if not here:
         output.print("None of the files is here.")
         return
     names = ", ".join(each.file.name for each in here)
     if not yes and not typer.confirm(f"Remove {names}?"):
         raise typer.Exit(1)
-    for each in here:
-        library.forget(each.source, each.file)
-    output.print(f"Removed {len(here)} files.")
+    deleted = sum(forget(library, each) for each in here)
+    stay = f"; {len(here) - deleted} that were not downloaded stay where they lie" if deleted < len(here) else ""
+    output.print(f"Forgot {len(here)} files, deleted {deleted}{stay}.")
 
 
 def _library() -> Any:

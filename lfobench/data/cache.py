@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import shlex
+import shutil
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -91,6 +93,15 @@ class PartCache:
         episodes, (mark,) = self._read([shard], rebuild)
         return episodes, mark
 
+    def row_shapes(self, rebuild: str) -> dict[str, tuple[int, ...]]:
+        """Shape of one row of each array, as the first shard's header has it.
+
+        Raises:
+            UserError: as `read` does.
+        """
+        with _damage_named(self.path(0), rebuild):
+            return {name: shape[1:] for name, shape in open_shard(self.path(0)).shapes.items()}
+
     def load(self, transitions: int | None, rebuild: str) -> tuple[Episodes, str]:
         """The part's first `transitions` steps, or a recorded part whole, and the fingerprint of its shards.
 
@@ -154,6 +165,15 @@ class PartCache:
             except (SafetensorError, OSError, KeyError):
                 return None
         return _combined(transitions, marks)
+
+
+def forget_imports(root: Path, name: str, sha256: str) -> None:
+    """Delete the shards that were made of a file, whichever of its columns and horizons they hold."""
+    for folder in (root / IMPORTED).glob(f"{glob.escape(name)}-*"):
+        with suppress(SafetensorError, OSError, ValueError, KeyError):
+            made_of = json.loads(open_shard(folder / "00000.safetensors").metadata["specification"])["sha256"]
+            if made_of == sha256:
+                shutil.rmtree(folder)
 
 
 def _combined(transitions: int | None, marks: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import urlsplit
 
 import requests
-from filelock import FileLock
+from filelock import FileLock, Timeout
 from pydantic import BaseModel
 
 from lfobench.data.isolated import DataFileRefused
@@ -82,6 +82,30 @@ def fetch(name: str, addresses: Sequence[str], target: Path, look: Callable[[Pat
         ) from error
 
 
+def fetched(target: Path) -> bool:
+    """Whether a file, or a part of it, was fetched."""
+    return target.exists() or _partial(target).exists()
+
+
+def discard(target: Path) -> bool:
+    """Delete what was fetched of a file, whole or in part; returns whether there was any.
+
+    Raises:
+        UserError: another process is fetching it, or the disk refuses.
+    """
+    if not fetched(target):
+        return False
+    try:
+        with FileLock(f"{target}.lock", timeout=0):
+            target.unlink(missing_ok=True)
+            _discard(_partial(target))
+    except Timeout as error:
+        raise UserError(f"Another process is fetching {target}.", "Wait until it is done, or stop it.") from error
+    except OSError as error:
+        raise UserError(f"Cannot delete {target}: {error.strerror or error}.", "Delete it by hand.") from error
+    return True
+
+
 def _mirrored(addresses: Sequence[str]) -> Iterator[str]:
     file = PurePosixPath(addresses[0].partition("?")[0]).name
     for mirror in os.environ.get(MIRROR, "").split(","):
@@ -93,7 +117,7 @@ def _mirrored(addresses: Sequence[str]) -> Iterator[str]:
 def _from_any(
     name: str, addresses: Sequence[str], target: Path, look: Callable[[Path], None], report: Report
 ) -> Fetched:
-    partial = target.with_name(f"{target.name}.part")
+    partial = _partial(target)
     tried = []
     for address in addresses:
         try:
@@ -198,6 +222,10 @@ def _short(error: BaseException) -> str:
 
 def _size(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
+
+
+def _partial(target: Path) -> Path:
+    return target.with_name(f"{target.name}.part")
 
 
 def _marker(partial: Path) -> Path:

@@ -10,7 +10,8 @@ from urllib.parse import urlsplit
 from lfobench.contract.environment import Environment
 from lfobench.contract.files import DataFile
 from lfobench.contract.suite import Task
-from lfobench.data.download import Report, fetch
+from lfobench.data.cache import forget_imports
+from lfobench.data.download import Report, discard, fetch, fetched
 from lfobench.data.isolated import DataFileRefused, examine_file
 from lfobench.data.library import Library, Note
 from lfobench.errors import UserError
@@ -81,6 +82,32 @@ def adopt(library: Library, wanted: Wanted, folder: Path) -> Note | None:
             look(path, wanted)
             return library.take_in(wanted.source, wanted.file, path.resolve())
     return None
+
+
+def known(library: Library, wanted: Wanted) -> bool:
+    """Whether a file, or a part of it, is here or was.
+
+    Raises:
+        UserError: its note is damaged.
+    """
+    note = library.note(wanted.source, wanted.file)
+    return note is not None or bool(wanted.file.addresses and fetched(library.place(wanted.source, wanted.file)))
+
+
+def forget(library: Library, wanted: Wanted) -> bool:
+    """Delete what was fetched of a file and what was made of it, and its note; returns whether anything was fetched.
+
+    A file that was adopted, or is the user's own, stays where it lies.
+
+    Raises:
+        UserError: another process is fetching it, its note is damaged, or the disk refuses.
+    """
+    note = library.note(wanted.source, wanted.file)
+    deleted = bool(wanted.file.addresses) and discard(library.place(wanted.source, wanted.file))
+    if note is not None:
+        forget_imports(library.cache, wanted.file.name, note.sha256)
+    library.forget(wanted.source, wanted.file)
+    return deleted
 
 
 def look(path: Path, wanted: Wanted) -> None:

@@ -115,19 +115,22 @@ class Library(NamedTuple):
         return note
 
     def forget(self, source: str, file: DataFile) -> None:
-        """Remove the note of a file, and the file where it was downloaded; one that was adopted or is own stays."""
-        if not _is_own(file):
-            self.place(source, file).unlink(missing_ok=True)
+        """Remove the note of a file, so that the next one of its name is taken as it is."""
         self._note_path(source, file).unlink(missing_ok=True)
 
     def verify(self, source: str, file: DataFile) -> Note | None:
-        """Hash a file again, however it looks; None where it is not here.
+        """Hash a file again, however it looks; None where there is none.
 
         Raises:
-            UserError: as `take_in` does.
+            UserError: as `take_in` does, or the file is known and is not where it was.
         """
         note = self.note(source, file)
         path = Path(note.path) if note else self.place(source, file)
+        if note and not path.exists():
+            raise UserError(
+                f"{file.name} is no longer at {path}.",
+                "Put it back, or fetch it again: lfobench data download; with --from DIR from where it is now.",
+            )
         return self.take_in(source, file, path, note.address if note else "") if path.exists() else None
 
     def _own(self, file: DataFile) -> DataFile:

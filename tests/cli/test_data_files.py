@@ -111,10 +111,15 @@ def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfoben
     assert (found["expert_rows_inside_offline"], len(found["offline"]["lengths"])) == (0, 30)
     assert lfobench_command("data", "verify", suite).out.endswith("2 files are what they were.\n")
     assert lfobench_command(*run).code == 0
-    assert "there" in lfobench_command("table", "--out", tmp_path / "runs").out
+    footnote = " ".join(lfobench_command("table", "--out", tmp_path / "runs").out.split())
+    assert "there. Offline data: 600 of the recipe's 2,000 transitions and" in footnote
     assert "nothing: all 1 runs are done" in lfobench_command(*run).out
 
-    assert lfobench_command("data", "rm", suite, "--yes").out == "Removed 2 files.\n"
+    made = tmp_path / "cache" / "imported"
+    assert len(list(made.iterdir())) == 2
+    assert lfobench_command("data", "rm", suite, "--yes").out == "Forgot 2 files, deleted 2.\n"
+    assert not list(made.iterdir()), "what was made of the files"
+    assert not [path for path in (tmp_path / "cache" / "files").rglob("*") if path.suffix in (".json", ".hdf5")]
     assert [row["path"] for row in listed(lfobench_command, suite).values()] == [None, None]
 
 
@@ -124,7 +129,8 @@ def test_files_are_adopted_where_they_lie(suite: Path, published: Path, lfobench
     found = listed(lfobench_command, suite)
     assert found["pole-random-v0"]["path"] == str(published / "pole_random-v0.hdf5")
     assert found["pole-expert-v0"]["path"] == str(published / "pole-expert-v0.hdf5")
-    lfobench_command("data", "rm", suite, "--yes")
+    said = lfobench_command("data", "rm", suite, "--yes").out
+    assert said == "Forgot 2 files, deleted 0; 2 that were not downloaded stay where they lie.\n"
     assert len(list(published.iterdir())) == 2
 
 
@@ -183,8 +189,11 @@ def test_own_files_in_a_suite_file_and_on_the_command_line(
     expert = published / "pole_expert-v0.hdf5"
     assert lfobench_command(*run, "--source", f"offline={mine},expert={expert}").code == 0
     other = write_d4rl(tmp_path / "other.hdf5", make_episodes([20] * 3, [False] * 3, 3, 1))
-    failed = lfobench_command(*run, "--source", f"offline={other},expert={expert}")
-    assert failed.code != 0 and "its observations have 3 columns" in failed.err
+    too_narrow = "its observations have 3 columns, those of InvertedPendulum-v5 4"
+    narrow = lfobench_command(*run, "--source", f"offline={other},expert={expert}")
+    assert narrow.code == 2 and too_narrow in narrow.err and "seed 0" not in narrow.err, "before anything trains"
+    building = ("data", "build", suite, "--protocol", "smoke", "--source", f"offline={other},expert={expert}")
+    assert_refused(lfobench_command(*building), too_narrow)
     page = tmp_path / "page.hdf5"
     page.write_text("<html>")
     assert_refused(lfobench_command(*run, "--source", f"offline={page},expert={expert}"), "it is a web page")

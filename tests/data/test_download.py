@@ -10,9 +10,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from lfobench.data import download
-from lfobench.data.download import Fetched, fetch
+from lfobench.data.download import Fetched, discard, fetch
 from lfobench.data.isolated import DataFileRefused
 from lfobench.errors import UserError
 
@@ -286,6 +287,17 @@ def test_two_that_want_one_file_fetch_it_once(tmp_path: Path, host: str) -> None
         thread.join(20)
     assert sorted(each.address for each in found) == ["", f"{host}/breaks-off/file"]
     assert len(Host.asked) == 4
+
+
+def test_what_was_fetched_is_deleted_but_not_under_another_process(tmp_path: Path) -> None:
+    target = tmp_path / "file"
+    assert not discard(target)
+    interrupted(tmp_path, 40_000, "http://elsewhere/file")
+    with FileLock(f"{target}.lock"), pytest.raises(UserError, match="Another process is fetching"):
+        discard(target)
+    assert (tmp_path / "file.part").exists()
+    assert discard(target)
+    assert not left(tmp_path)
 
 
 def test_without_a_network(tmp_path: Path) -> None:

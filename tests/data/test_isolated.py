@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+import resource
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -86,6 +88,24 @@ def test_a_cache_that_cannot_be_written(tmp_path: Path) -> None:
     path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
     with pytest.raises(UserError, match="Cannot write"):
         import_file(tmp_path / "cache", path, part_of(path))
+
+
+@pytest.fixture
+def small_files_only() -> Iterator[None]:
+    """As on a disk that is full after 4096 bytes; processes that are started inherit it."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_leaves_nothing(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes([100] * 10, [False] * 10))
+    part = part_of(path)
+    request.getfixturevalue("small_files_only")
+    with pytest.raises(UserError, match=r"Cannot write .*00000\.safetensors: .*\. Free space"):
+        import_file(tmp_path / "cache", path, part)
+    assert not [found for found in (tmp_path / "cache").rglob("*") if found.is_file()]
 
 
 def test_a_file_that_changed_since_it_was_planned_for_is_refused(tmp_path: Path) -> None:

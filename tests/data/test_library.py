@@ -39,15 +39,13 @@ def test_a_file_that_is_adopted_stays_where_it_is(library: Library, outside: Pat
     assert library.find(FILE, "d4rl") == FILE
 
 
-def test_a_download_is_found_and_removed(library: Library, outside: Path) -> None:
+def test_a_download_is_found(library: Library, outside: Path) -> None:
     place = library.place("d4rl", FILE)
     place.parent.mkdir(parents=True)
     place.write_bytes(outside.read_bytes())
     found = library.find(FILE, "d4rl")
     assert found.path == str(place)
     assert library.note("d4rl", FILE) is not None, "its hash is recorded on first use"
-    library.forget("d4rl", FILE)
-    assert not place.exists()
 
 
 def test_another_content_under_the_same_name_is_refused(library: Library, outside: Path) -> None:
@@ -56,6 +54,15 @@ def test_another_content_under_the_same_name_is_refused(library: Library, outsid
     for use in (lambda: library.find(FILE, "d4rl"), lambda: library.verify("d4rl", FILE)):
         with pytest.raises(UserError, match="is not the there-v2 that was first used here: its SHA-256 was"):
             use()
+
+
+def test_a_file_that_was_moved_away_is_not_passed_over(library: Library, outside: Path) -> None:
+    assert library.verify("d4rl", FILE) is None, "never here"
+    library.take_in("d4rl", FILE, outside)
+    outside.rename(outside.with_name("elsewhere.hdf5"))
+    with pytest.raises(UserError, match=f"there-v2 is no longer at {outside}"):
+        library.verify("d4rl", FILE)
+    assert library.find(FILE, "d4rl") == FILE
 
 
 def test_a_file_that_was_only_touched_is_the_same(library: Library, outside: Path) -> None:
