@@ -83,6 +83,16 @@ def load_suite(name: str) -> Suite:
     return loaded
 
 
+def suites_of_tasks() -> dict[str, str]:
+    """Every task of a registered suite to that suite's name, the first where several have it.
+
+    Raises:
+        UserError: for a suite that cannot be imported.
+    """
+    names = suite_names()
+    return {task.name: name for name in reversed(names) for task in load_suite(name).tasks}
+
+
 def load_benchmarks(name: str) -> Any:
     """The module behind a set of benchmarks: it has `SECTIONS` and `measure`.
 

@@ -4,22 +4,37 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lfobench.contract.record import Warning
 from lfobench.contract.suite import Level, Operator
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
+from lfobench.data.cache import PartCache
 from lfobench.engine.job import Job
 from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
 from lfobench.plan.cells import Run
+from lfobench.plan.file_parts import FilePart
 from lfobench.plan.parts import SHARD_TRANSITIONS, PartRequest, requests
 from lfobench.plan.planning import Plan
 from lfobench.store.folder import RecordsRead
 
 IMPORT_SECONDS = 3.0
 """Reading a file of some hundred megabytes; a guess, next to hours of training."""
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a task still lacks of its data.
+
+    Attributes:
+        shards: to make, or to read from a file that is here.
+        files: to fetch.
+    """
+
+    shards: int = 0
+    files: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -53,6 +68,19 @@ class Agenda:
     def pending(self) -> list[Run]:
         """Runs still to do."""
         return [run for job in self.jobs for run in job.runs]
+
+    @property
+    def needs(self) -> dict[str, Needs]:
+        """By task; those whose runs are all done lack nothing. Parts that tasks share are counted for each."""
+        found = {task.name: Needs() for task in self.plan.tasks}
+        for task, request in self.requests:
+            part, before = request.specification, found[task]
+            if isinstance(part, FilePart) and request.path is None:
+                found[task] = replace(before, files=(*before.files, part.name))
+            else:
+                missing = len(PartCache(self.cache, part).missing(request.transitions))
+                found[task] = replace(before, shards=before.shards + missing)
+        return found
 
 
 def make_agenda(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: int) -> Agenda:

@@ -13,13 +13,15 @@ from lfobench.cli.console import errors, output, print_json
 if TYPE_CHECKING:
     from lfobench.data.fetching import Wanted
 
-SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, or the path of its file.")]
+SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, the path of its file, or a registered task.")]
 SourceOption = Annotated[str | None, typer.Option("--source", help="Only files of this source. Default: the first.")]
 AnySource = Annotated[str | None, typer.Option("--source", help="Only files of this source. Default: all.")]
 
 
 def list_files(
-    suite: Annotated[str | None, typer.Argument(help="A suite's name, or the path of its file. Default: all.")] = None,
+    suite: Annotated[
+        str | None, typer.Argument(help="A suite's name, the path of its file, or a registered task. Default: all.")
+    ] = None,
     tasks: options.Tasks = None,
     source: AnySource = None,
     as_json: options.Json = False,
@@ -31,9 +33,11 @@ def list_files(
     from rich.markup import escape
     from rich.table import Table
 
+    from lfobench.cli.inputs import suite_and_tasks
     from lfobench.registry import suite_names
 
-    rows = [row for name in ([suite] if suite else suite_names()) for row in _rows(name, tasks, source)]
+    chosen = [suite_and_tasks(suite, tasks)] if suite else [(name, tasks) for name in suite_names()]
+    rows = [row for each in chosen for row in _rows(*each, source)]
     if as_json:
         print_json(rows)
         return
@@ -67,11 +71,13 @@ def download(
     """
     from rich.markup import escape
 
+    from lfobench.cli.inputs import suite_and_tasks
     from lfobench.cli.progress import display
     from lfobench.data.fetching import adopt, bring
     from lfobench.errors import UserError
 
-    library, wanted = _library(), [each for each in _wanted(suite, tasks, source) if each.file.addresses]
+    library, needed = _library(), _wanted(*suite_and_tasks(suite, tasks), source)
+    wanted = [each for each in needed if each.file.addresses]
     if not wanted:
         output.print("Nothing to fetch: these files are your own.")
         return
@@ -112,10 +118,11 @@ def verify(suite: SuiteArgument, tasks: options.Tasks = None, source: AnySource 
 
     Example: lfobench data verify locomotion
     """
+    from lfobench.cli.inputs import suite_and_tasks
     from lfobench.errors import UserError
 
     library, here, refused = _library(), 0, []
-    for each in _wanted(suite, tasks, source, every=True):
+    for each in _wanted(*suite_and_tasks(suite, tasks), source, every=True):
         if not each.file.addresses:
             continue  # one's own may change
         try:
@@ -143,10 +150,11 @@ def remove(
 
     Example: lfobench data rm locomotion --source d4rl
     """
+    from lfobench.cli.inputs import suite_and_tasks
     from lfobench.data.fetching import forget, known
 
     library = _library()
-    here = [each for each in _wanted(suite, tasks, source, every=True) if known(library, each)]
+    here = [each for each in _wanted(*suite_and_tasks(suite, tasks), source, every=True) if known(library, each)]
     if not here:
         output.print("None of the files is here.")
         return

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def doctor(
-    subject: Annotated[str, typer.Argument(help="A data file, the folder of a Minari dataset, or a task of --suite.")],
+    subject: Annotated[str, typer.Argument(help="A data file, the folder of a Minari dataset, or a task.")],
     horizon: Annotated[
         int | None, typer.Option(min=1, help="Of a file: steps after which the environment cuts an episode.")
     ] = None,
@@ -36,10 +36,11 @@ def doctor(
 
     Example: lfobench data doctor hopper-medium-expert --source d4rl
     """
-    if not Path(subject).exists() and _is_task(subject, suite):
+    owner = None if Path(subject).exists() else _suite_of(subject, suite)
+    if owner is not None:
         if horizon is not None or to is not None:
             raise UserError("--horizon and --to are for a file; a task knows its horizon.", "Leave them out.")
-        found, inside = _of_task(subject, suite, protocol, source)
+        found, inside = _of_task(subject, owner, protocol, source)
     else:
         found, inside = _of_file(Path(subject), horizon, to), None
     usable = all(each.usable for each in found.values())
@@ -50,10 +51,11 @@ def doctor(
     raise typer.Exit(0 if usable else 1)
 
 
-def _is_task(name: str, suite: str) -> bool:
-    from lfobench.registry import load_suite
+def _suite_of(task: str, suite: str) -> str | None:
+    """The suite if it has the task, else a registered one that does."""
+    from lfobench.registry import load_suite, suites_of_tasks
 
-    return name in {task.name for task in load_suite(suite).tasks}
+    return suite if any(task == each.name for each in load_suite(suite).tasks) else suites_of_tasks().get(task)
 
 
 def _of_file(file: Path, horizon: int | None, to: Path | None) -> dict[str, Diagnosis]:

@@ -52,6 +52,25 @@ def resolve(wanted: Request, tuned_in: Path | None = None) -> Plan:
     return plan if tuned_in is None else with_choices(plan, wanted, TuningFolder(tuned_in))
 
 
+def suite_and_tasks(name: str, tasks: str | None) -> tuple[str, str | None]:
+    """A suite and the globs of its tasks, where the name may also be that of a task of a registered suite.
+
+    Raises:
+        UserError: an unknown name, or globs beside a single task.
+    """
+    from lfobench.errors import UserError, unknown_name
+    from lfobench.registry import suite_names, suites_of_tasks
+
+    if name.endswith(".py") or name in suite_names():
+        return name, tasks
+    owners = suites_of_tasks()
+    if name not in owners:
+        raise unknown_name("suite or task", name, [*suite_names(), *owners])
+    if tasks is not None:
+        raise UserError(f"--tasks chooses from a suite, and {name} is one task.", "Leave out one of the two.")
+    return owners[name], name
+
+
 def available_cores() -> int:
     """Cores that this process may use."""
     import os

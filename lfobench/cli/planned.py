@@ -10,7 +10,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from lfobench.cli.agenda import Agenda, Forecast
+from lfobench.cli.agenda import Agenda, Forecast, Needs
 from lfobench.cli.console import duration, output
 from lfobench.cli.inputs import warn
 from lfobench.contract.suite import Task
@@ -33,12 +33,14 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     done, wanted = (
         Counter((run.cell.task.name, run.cell.method.name) for run in runs) for runs in (agenda.done, plan.runs)
     )
-    table = Table(
-        "task", *(escape(name) for name in methods), title="Plan: runs done of runs wanted", title_style="bold"
-    )
-    for task in plan.tasks:
+    needs = agenda.needs
+    lacking = [_lacking(needs[task.name]) for task in plan.tasks]
+    headers = ["task", *map(escape, methods), *(["data it lacks"] if any(lacking) else [])]
+    table = Table(*headers, title="Plan: runs done of runs wanted", title_style="bold")
+    for task, lack in zip(plan.tasks, lacking, strict=True):
         cells = [(task.name, name) for name in methods]
-        table.add_row(escape(task.name), *(f"{done[cell]}/{wanted[cell]}" if wanted[cell] else "" for cell in cells))
+        counts = (f"{done[cell]}/{wanted[cell]}" if wanted[cell] else "" for cell in cells)
+        table.add_row(escape(task.name), *counts, *([lack] if any(lacking) else []))
     output.print(table)
     warn(expected.warnings)
     protocol = plan.protocol
@@ -66,6 +68,11 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
         )
     else:
         output.print(f"to do     nothing: all {len(plan.runs)} runs are done")
+
+
+def _lacking(needs: Needs) -> str:
+    counts = (("shard", needs.shards), ("file", len(needs.files)))
+    return ", ".join(f"{count} {what}{'s' if count > 1 else ''}" for what, count in counts if count)
 
 
 def _budget(protocol: Protocol) -> str:
@@ -104,6 +111,7 @@ def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
         "device": agenda.plan.device,
         "workers": agenda.workers,
         "shards_to_build": len(agenda.shards),
+        "data_lacking": {task: asdict(needs) for task, needs in agenda.needs.items()},
         "estimated_seconds": round(expected.total_seconds, 1),
         "warnings": [warning.model_dump() for warning in expected.warnings],
         "runs": [

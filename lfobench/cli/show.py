@@ -32,7 +32,7 @@ def show(
     """
     from lfobench.errors import unknown_name
     from lfobench.plan.protocol import PROTOCOLS
-    from lfobench.registry import load_method, load_suite, method_names, suite_names
+    from lfobench.registry import load_method, load_suite, method_names, suite_names, suites_of_tasks
 
     loaded = load_suite(suite)
     tasks = {task.name: task for task in loaded.tasks}
@@ -46,8 +46,10 @@ def show(
         list_names(Kind.tasks, suite, as_json)
     elif name in suite_names():
         list_names(Kind.tasks, name, as_json)
+    elif name in (owners := suites_of_tasks()):
+        _show_task(owners[name], name, protocol, source, as_json)
     else:
-        raise unknown_name("name", name, [*method_names(), *tasks, *PROTOCOLS, *suite_names()])
+        raise unknown_name("name", name, [*method_names(), *tasks, *PROTOCOLS, *suite_names(), *owners])
 
 
 def _show_method(method: type[Method], as_json: bool) -> None:

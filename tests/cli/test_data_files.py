@@ -88,6 +88,9 @@ def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfoben
     planned = lfobench_command(*run, "--dry-run")
     assert planned.code == 0 and "to do     1 of 1 runs" in planned.out
     assert "2 files to fetch: pole-random-v0, pole-expert-v0" in " ".join(planned.out.split())
+    assert "2 files" in next(line for line in planned.out.splitlines() if "pole-random-expert" in line)
+    lacking = json.loads(lfobench_command(*run, "--dry-run", "--json").out)["data_lacking"]
+    assert lacking == {"pole-random-expert": {"shards": 0, "files": ["pole-random-v0", "pole-expert-v0"]}}
     assert_refused(lfobench_command(*run), "2 data files are not here: pole-random-v0, pole-expert-v0", "data download")
     assert [row["path"] for row in listed(lfobench_command, suite).values()] == [None, None]
     absent = lfobench_command("show", "pole-random-expert", "--suite", suite).out
@@ -205,3 +208,13 @@ def test_a_suite_without_files(lfobench_command: InProcess) -> None:
     assert_refused(
         lfobench_command("data", "download", "locomotion", "--source", "d4lr"), "d4lr", "Did you mean 'd4rl'"
     )
+
+
+def test_a_task_says_which_suite_it_is_of(lfobench_command: InProcess) -> None:
+    rows = json.loads(lfobench_command("data", "ls", "pen-human-expert", "--source", "d4rl", "--json").out)
+    assert [(row["suite"], row["file"]) for row in rows] == [("adroit", "pen-human-v0"), ("adroit", "pen-expert-v0")]
+    assert "kitchen-mixed-v0" in lfobench_command("show", "kitchen-mixed-expert", "--source", "d4rl").out
+    assert_refused(
+        lfobench_command("data", "download", "pen-human-expert", "--tasks", "pen-*"), "is one task", "Leave out"
+    )
+    assert_refused(lfobench_command("data", "verify", "pen-humn-expert"), "Did you mean 'pen-human-expert'?")
