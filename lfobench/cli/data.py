@@ -32,19 +32,21 @@ def build(
 
     Example: lfobench data build locomotion --tasks 'hopper-*' --protocol quick
     """
-    from lfobench.cli import execution, planned
+    from lfobench.cli import execution
+    from lfobench.cli.asked_data import asked_data
     from lfobench.cli.inputs import available_cores
-    from lfobench.files import cache_folder, writable_folder
+    from lfobench.files import writable_folder
 
-    root = writable_folder(cache_folder(), "LFOBENCH_CACHE")
-    shards = planned.shards_of_suite(suite, tasks, protocol, source, root)
+    asked = asked_data(suite, tasks, protocol, source)
+    writable_folder(asked.cache, "LFOBENCH_CACHE")
+    shards = asked.missing_shards()
     stop = execution.StopRequest()
     with stop.listening():
         execution.build_data(shards, workers or available_cores(), stop)
     if stop():
         output.print("Stopped. The same command continues from here.")
         raise typer.Exit(execution.INTERRUPTED)
-    planned.check_files_of_suite(suite, tasks, protocol, source, root)
+    asked.check_files()
     if not shards:
         output.print("Nothing to build: every shard is there.")
 
@@ -68,11 +70,10 @@ def status(
     from rich.markup import escape
     from rich.table import Table
 
-    from lfobench.cli import planned
-    from lfobench.files import cache_folder
+    from lfobench.cli.asked_data import asked_data
 
-    root = cache_folder()
-    rows = planned.data_status(suite, tasks, protocol, source, root)
+    asked = asked_data(suite, tasks, protocol, source)
+    rows = asked.rows()
     if as_json:
         print_json(rows)
         return
@@ -81,4 +82,4 @@ def status(
         there = f"{row['shards_present']}/{row['shards']}"
         table.add_row(escape(row["task"]), row["part"], _amount(row), there)
     output.print(table)
-    output.print(f"in {escape(str(root))}", soft_wrap=True)
+    output.print(f"in {escape(str(asked.cache))}", soft_wrap=True)

@@ -74,23 +74,14 @@ def _of_file(file: Path, horizon: int | None, to: Path | None) -> dict[str, Diag
     return {file.name: found}
 
 
-def _of_task(name: str, suite: str, protocol_name: str, source: str) -> tuple[dict[str, Diagnosis], tuple[int, int]]:
+def _of_task(name: str, suite: str, protocol: str, source: str) -> tuple[dict[str, Diagnosis], tuple[int, int]]:
     """Both parts, and how many expert rows of how many the offline part holds too."""
-    import torch
-
-    from lfobench.cli import planned
+    from lfobench.cli.asked_data import asked_data
     from lfobench.data.doctor import diagnose_part, rows_inside
-    from lfobench.data.source import load_task
-    from lfobench.files import cache_folder
-    from lfobench.plan.parts import build_command
-    from lfobench.plan.planning import choose_protocol
-    from lfobench.plan.sources import spelled
-    from lfobench.registry import load_suite
 
-    protocol = choose_protocol(protocol_name, "cuda" if torch.cuda.is_available() else "cpu")[0]
-    ((task,), source) = planned.tasks_of_suite(suite, name, source, cache_folder())
-    rebuild = build_command(suite, protocol.name, name, spelled(task, source))
-    data = load_task(cache_folder(), load_suite(suite), task, protocol.recipe_for(task), rebuild)
+    asked = asked_data(suite, name, protocol, source)
+    (task,) = asked.tasks
+    data = asked.load(task)
     horizon = task.environment.horizon
     parts = {f"{name}, {part}": diagnose_part(getattr(data, part), horizon) for part in ("offline", "expert")}
     return parts, (rows_inside(data.expert, data.offline), data.expert.transitions)

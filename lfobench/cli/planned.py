@@ -1,4 +1,4 @@
-"""What a command will do, shown before it is done; what data there is for it."""
+"""What a command will do, shown before it is done."""
 
 from __future__ import annotations
 
@@ -13,17 +13,8 @@ from rich.table import Table
 from lfobench.cli.agenda import Agenda, Forecast, Needs
 from lfobench.cli.console import duration, output
 from lfobench.cli.inputs import warn
-from lfobench.contract.suite import Task
-from lfobench.data.build import ImportJob, ShardJob, missing_shards
-from lfobench.data.cache import PartCache
-from lfobench.data.library import Library
-from lfobench.data.source import check_columns
-from lfobench.plan.names import select_tasks, split_names
-from lfobench.plan.parts import PartRequest, build_command, requests
-from lfobench.plan.planning import Plan, choose_protocol
 from lfobench.plan.protocol import Protocol
-from lfobench.plan.sources import absent_files, choose_source, read_from, spelled
-from lfobench.registry import load_suite
+from lfobench.plan.sources import absent_files
 
 
 def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
@@ -127,77 +118,6 @@ def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
             for run in runs
         ],
     }
-
-
-def shards_of_suite(
-    suite: str, tasks: str | None, protocol: str, source: str, root: Path
-) -> list[ShardJob | ImportJob]:
-    """The shards that the chosen tasks of a suite lack under a protocol, of those that can be made."""
-    return missing_shards(root, suite, _requests_of_suite(suite, tasks, protocol, source, root))
-
-
-def check_files_of_suite(suite: str, tasks: str | None, protocol: str, source: str, root: Path) -> None:
-    """Hold the files that the chosen tasks are read from, where they are in the cache, against the environments.
-
-    Raises:
-        UserError: a file's rows are not as wide as the environment's.
-    """
-    budget, loaded = _budget_of(protocol), load_suite(suite)
-    for task in tasks_of_suite(suite, tasks, source, root)[0]:
-        rebuild = build_command(suite, budget.name, task.name, spelled(task, source))
-        check_columns(root, loaded, task, budget.recipe_for(task), rebuild)
-
-
-def cached_fingerprints(plan: Plan, task: Task, root: Path) -> dict[str, str]:
-    """Fingerprints of a task's parts as the cache holds them; a part that is not whole is left out."""
-    parts = zip(("offline", "expert"), requests(plan.suite, task, plan.protocol.recipe_for(task)), strict=True)
-    marks = {
-        part: PartCache(root, request.specification).declared_fingerprint(request.transitions)
-        for part, request in parts
-    }
-    return {part: mark for part, mark in marks.items() if mark is not None}
-
-
-def data_status(suite: str, tasks: str | None, protocol: str, source: str, root: Path) -> list[dict[str, Any]]:
-    """Per task and part: transitions needed (None of a part recorded by episodes), shards there, folder."""
-    rows = []
-    for task, request in _requests_of_suite(suite, tasks, protocol, source, root):
-        cache = PartCache(root, request.specification)
-        shards = request.specification.shards_for(request.transitions)
-        rows.append(
-            {
-                "task": task,
-                "part": request.specification.level,
-                "transitions": request.transitions,
-                "episodes": getattr(request.specification, "episodes", None),
-                "shards": shards,
-                "shards_present": shards - len(cache.missing(request.transitions)),
-                "folder": str(cache.folder),
-            }
-        )
-    return rows
-
-
-def tasks_of_suite(suite: str, tasks: str | None, source: str, root: Path) -> tuple[list[Task], str]:
-    """The chosen tasks as a source has them, with its files where they are here, and the source's name."""
-    loaded = load_suite(suite)
-    name, own = choose_source(source, loaded)
-    chosen = select_tasks(loaded.tasks, ["*"] if tasks is None else split_names(tasks))
-    return read_from(chosen, name, own, Library(root).find), name
-
-
-def _requests_of_suite(
-    suite: str, tasks: str | None, protocol: str, source: str, root: Path
-) -> list[tuple[str, PartRequest]]:
-    budget, loaded = _budget_of(protocol), load_suite(suite)
-    chosen, _ = tasks_of_suite(suite, tasks, source, root)
-    return [(task.name, request) for task in chosen for request in requests(loaded, task, budget.recipe_for(task))]
-
-
-def _budget_of(protocol: str) -> Protocol:
-    import torch
-
-    return choose_protocol(protocol, "cuda" if torch.cuda.is_available() else "cpu")[0]
 
 
 def plain(value: Any) -> Any:

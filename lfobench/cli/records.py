@@ -67,7 +67,7 @@ def why(
     """
     from rich.markup import escape
 
-    from lfobench.cli import planned
+    from lfobench.data.source import declared_fingerprints
     from lfobench.files import cache_folder
     from lfobench.store.explain import explain
 
@@ -75,7 +75,10 @@ def why(
     plan = resolve(wanted, out if tuned else None)
     read = read_folder(out)
     warn(read.warnings)
-    in_cache = {task.name: planned.cached_fingerprints(plan, task, cache_folder()) for task in plan.tasks}
+    in_cache = {
+        task.name: declared_fingerprints(cache_folder(), plan.suite, task, plan.protocol.recipe_for(task))
+        for task in plan.tasks
+    }
     explanations = [explain(run, read.records, in_cache[run.cell.task.name]) for run in plan.runs]
     if as_json:
         print_json([explanation.as_json() for explanation in explanations])

@@ -113,26 +113,19 @@ def _takes(field: FieldInfo) -> str:
 
 
 def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: bool) -> None:
-    import torch
     from rich.markup import escape
 
     from lfobench.cli import planned
+    from lfobench.cli.asked_data import asked_data
     from lfobench.contract.suite import TrajectoryRecipe
     from lfobench.data.manifest import manifest
-    from lfobench.data.source import load_task
-    from lfobench.files import cache_folder
-    from lfobench.plan.parts import build_command
-    from lfobench.plan.planning import choose_protocol
-    from lfobench.plan.sources import absent_files, spelled
-    from lfobench.registry import load_suite
+    from lfobench.plan.sources import absent_files
 
-    protocol = choose_protocol(protocol_name, "cuda" if torch.cuda.is_available() else "cpu")[0]
-    ((task,), source) = planned.tasks_of_suite(suite, name, source, cache_folder())
+    asked = asked_data(suite, name, protocol_name, source)
+    (task,), protocol = asked.tasks, asked.protocol
     recipe = protocol.recipe_for(task)
-    status = planned.data_status(suite, name, protocol.name, spelled(task, source), cache_folder())
-    complete = all(row["shards_present"] == row["shards"] for row in status)
-    rebuild = build_command(suite, protocol.name, name, spelled(task, source))
-    counted = manifest(load_task(cache_folder(), load_suite(suite), task, recipe, rebuild)) if complete else None
+    complete = all(row["shards_present"] == row["shards"] for row in asked.rows())
+    counted = manifest(asked.load(task)) if complete else None
     if as_json:
         print_json({"task": planned.plain(task), "recipe": planned.plain(recipe), "manifest": planned.plain(counted)})
         return
@@ -152,11 +145,11 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
         output.print(f"grid of {method}: {escape(fields)}", soft_wrap=True)
     if absent := absent_files([task]):
         names = ", ".join(file.name for file in absent)
-        fetch = f"lfobench data download {suite} --source {source} --tasks {name}"
+        fetch = f"lfobench data download {suite} --source {asked.source} --tasks {name}"
         output.print(f"files not here: {escape(names)}; fetch them: {escape(fetch)}", soft_wrap=True)
         return
     if counted is None:
-        output.print(f"data not built yet: {escape(rebuild)}", soft_wrap=True)
+        output.print(f"data not built yet: {escape(asked.rebuild(task))}", soft_wrap=True)
         return
     for line in counted.sentences():
         output.print(line, soft_wrap=True)

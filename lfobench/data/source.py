@@ -90,6 +90,16 @@ def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryR
     return TaskData(task, recipe, offline, expert, {"offline": offline_mark, "expert": expert_mark})
 
 
+def declared_fingerprints(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe) -> dict[str, str]:
+    """Fingerprints of a task's parts as their headers say; a part that is not whole is left out."""
+    parts = zip(("offline", "expert"), requests(suite, task, recipe), strict=True)
+    marks = {
+        part: PartCache(root, request.specification).declared_fingerprint(request.transitions)
+        for part, request in parts
+    }
+    return {part: mark for part, mark in marks.items() if mark is not None}
+
+
 def check_columns(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe, rebuild: str) -> None:
     """Hold the files that a task is read from, once they are in the cache, against its environment.
 
