@@ -8,7 +8,7 @@ fewer than 30, and of those the released walk takes none (methods.md 2.4).
 The kitchen goal-vector trap (methods.md 2.5): in D4RL's files the expert of ``mixed`` carries another goal than the
 offline data, and so can be told by it. `SUITE` keeps the goal, as everyone did; `WITHOUT_GOAL` is the same with
 observations that end before it. Minari's have none. Generated data are made in the task's own environment, so that both
-parts carry one goal.
+parts carry one goal, and leaving it out hides nothing.
 
 Generated data are a scripted demonstrator's, not people's. Its expert is D4RL's ``complete``: microwave, kettle, light
 switch and slide cabinet, in this order; where ``mixed`` is scored, that is three of four, as in the paper, and the
@@ -40,12 +40,12 @@ def _environment(variant: Variant, layout: Layout) -> Environment:
 
 
 def _d4rl(level: str, layout: Layout) -> DataFile:
-    return replace(d4rl.kitchen(level), columns=None if layout == "d4rl" else ROBOT + OBJECTS)
+    return replace(d4rl.kitchen(level), columns=None if layout == "d4rl-with-goal" else ROBOT + OBJECTS)
 
 
 def _files(variant: Variant, layout: Layout, recipe: Recipe) -> dict[str, Files]:
     found = {"d4rl": Files(offline=_d4rl(variant, layout), expert=_d4rl("complete", layout), returns=False)}
-    if layout == "d4rl":
+    if layout == "d4rl-with-goal":
         offline, expert = (minari.dataset(f"D4RL/kitchen/{level}-v2") for level in (variant, "complete"))
         whole = replace(recipe, offline_transitions=MINARI_TRANSITIONS)
         found["minari"] = Files(offline, expert, _environment(variant, "minari"), whole, returns=False)
@@ -73,20 +73,20 @@ def _tasks(trajectories: int, layout: Layout) -> tuple[Task, ...]:
 SUITE = Suite(
     name="kitchen",
     summary="2 tasks of a robot arm in a kitchen: {partial, mixed} x {1 expert trajectory}",
-    tasks=_tasks(RELEASED_TRAJECTORIES, "d4rl"),
+    tasks=_tasks(RELEASED_TRAJECTORIES, "d4rl-with-goal"),
     demonstrator=load,
 )
 
 PAPER = Suite(
     name="kitchen-paper",
     summary="kitchen with the paper's 30 expert trajectories",
-    tasks=_tasks(PAPER_TRAJECTORIES, "d4rl"),
+    tasks=_tasks(PAPER_TRAJECTORIES, "d4rl-with-goal"),
     demonstrator=load,
 )
 
 WITHOUT_GOAL = Suite(
     name="kitchen-without-goal",
-    summary="kitchen with observations that leave the goal out, by which the expert can be told",
+    summary="kitchen without the goal in observations, by which the expert of D4RL's files can be told",
     tasks=_tasks(RELEASED_TRAJECTORIES, "d4rl-without-goal"),
     demonstrator=load,
 )

@@ -4,12 +4,16 @@
 Returns are those of Gymnasium's ``-v5`` environments, normalised with D4RL's references (methods.md 5.1).
 Ant is the 27-dimensional form: D4RL's other 84 columns are zero.
 
+For walker2d, SMODICE's and ReCOIL's code mixes in 100 expert trajectories where the paper and DILO's have 200
+(methods.md 2.4): `SUITE` has 200, `SMODICE` 100.
+
 D4RL's files were made on ``-v2``, to which ``-v4`` is the closest that still runs (``dependencies.md`` 2.2); Minari's
 ``mujoco/*`` datasets are other data, made on ``-v5``, and have nothing random.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from lfobench.contract.suite import Environment, Files, Level, Recipe, Suite, Task
@@ -55,12 +59,12 @@ def _files(environment: Environment, offline: Level) -> dict[str, Files]:
     return found
 
 
-def _task(environment: Environment, offline: Level, mix: str) -> Task:
+def _task(environment: Environment, offline: Level, mix: str, trajectories: int) -> Task:
     recipe = Recipe(
         offline=offline,
         offline_transitions=1_000_000,
         expert="expert",
-        expert_trajectories=EXPERT_TRAJECTORIES[mix],
+        expert_trajectories=trajectories,
         demonstration_rows=environment.horizon,
     )
     return Task(
@@ -73,15 +77,28 @@ def _task(environment: Environment, offline: Level, mix: str) -> Task:
     )
 
 
+def _tasks(exceptions: Mapping[tuple[str, str], int]) -> tuple[Task, ...]:
+    """All 16, with K as an exception for an environment and a mix has it."""
+    return tuple(
+        _task(environment, offline, mix, exceptions.get((environment.name, mix), trajectories))
+        for offline in OFFLINE_LEVELS
+        for mix, trajectories in EXPERT_TRAJECTORIES.items()
+        for environment in ENVIRONMENTS
+    )
+
+
 SUITE = Suite(
     name="locomotion",
     summary="16 MuJoCo tasks: 4 bodies x {random, medium} x {200, 30 expert trajectories}",
-    tasks=tuple(
-        _task(environment, offline, mix)
-        for offline in OFFLINE_LEVELS
-        for mix in EXPERT_TRAJECTORIES
-        for environment in ENVIRONMENTS
-    ),
+    tasks=_tasks({}),
+    demonstrator=load,
+    generation_seeds=GENERATION_SEEDS,
+)
+
+SMODICE = Suite(
+    name="locomotion-smodice",
+    summary="locomotion with 100 expert trajectories for walker2d in place of 200, as SMODICE's code has it",
+    tasks=_tasks({("walker2d", "expert"): 100}),
     demonstrator=load,
     generation_seeds=GENERATION_SEEDS,
 )

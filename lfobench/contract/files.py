@@ -8,6 +8,9 @@ from pathlib import Path
 from lfobench.contract.environment import Environment
 from lfobench.contract.recipe import Recipe
 
+GENERATED = "generated"
+"""The source that is made by the suite; any other one is read from files."""
+
 
 @dataclass(frozen=True)
 class DataFile:
@@ -56,6 +59,7 @@ class Files:
         expert: the expert part; None generates it.
         environment: where policies are evaluated that learn from it; None keeps the task's.
         recipe: how it is mixed; None keeps the task's.
+        group: the block of rows, where the task's own is named by the stand-ins of these data; None keeps the task's.
         returns: whether the rewards in the files add up to what the environment returns; D4RL's kitchen rewards every
             step after a completion. No method sees them; where they do not, no score of the data is told.
     """
@@ -64,6 +68,7 @@ class Files:
     expert: DataFile | None = None
     environment: Environment | None = None
     recipe: Recipe | None = None
+    group: str | None = None
     returns: bool = True
 
     def __post_init__(self) -> None:

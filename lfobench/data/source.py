@@ -29,6 +29,13 @@ class TaskData:
     fingerprints: dict[str, str]
 
     @property
+    def files(self) -> dict[str, dict[str, str | None]]:
+        """Name and hash of the file of each part that is read from one."""
+        read = self.task.read_from
+        parts = {} if read is None else {"offline": read.offline, "expert": read.expert}
+        return {part: {"name": file.name, "sha256": file.sha256} for part, file in parts.items() if file is not None}
+
+    @property
     def released_expert_rows(self) -> int:
         """Expert rows that the released walk mixes into the offline data; none of a recorded part joins it."""
         if isinstance(self.recipe, TrajectoryRecipe):

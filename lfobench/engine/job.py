@@ -156,6 +156,7 @@ def _record(
         | {
             "seeds_trained_together": len(progress.evaluations),
             "demonstration_score": data.demonstration_score,
+            **({"data_files": data.files} if data.files else {}),
             "gradient_steps": trainer.length,
         },
     )

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from lfobench.contract.files import DataFile, Files, own_file
+from lfobench.contract.files import GENERATED, DataFile, Files, own_file
 from lfobench.contract.suite import Suite, Task, TrajectoryRecipe
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.names import split_names
 
-GENERATED, OWN = "generated", "files"
-"""Made here; and files that the user names. Any other source is one that a suite declares."""
+OWN = "files"
+"""Files that the user names. Any other source but the generated one is one that a suite declares."""
 
 PARTS = ("offline", "expert")
 
@@ -89,6 +89,7 @@ def read_from(tasks: Sequence[Task], source: str, own: Files | None, find: Find)
                 task,
                 environment=files.environment or task.environment,
                 recipe=files.recipe or task.recipe,
+                group=files.group or task.group,
                 read_from=here,
             )
         )

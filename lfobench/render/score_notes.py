@@ -31,14 +31,29 @@ def score_notes(table: Table, records: Sequence[Record]) -> Iterator[Note]:
 
 def _scores(table: Table, records: Sequence[Record]) -> Note:
     statistic = table.statistic
+    what = _SUCCESS if table.success_rates else f"{_RETURN}, where {_references(records)}"
     text = (
-        f"{_SUCCESS if table.success_rates else _RETURN}; mean ± sample standard deviation "
+        f"{what}; mean ± sample standard deviation "
         f"over seeds. Each seed counts as the {STATISTICS[statistic.name].format(step=statistic.step)}"
     )
     fewest = min((len(record.evaluations) for record in records if record.status == "finished"), default=5)
     if statistic.name == "last5" and fewest < 5:
         text += f" (of all of them where a run has fewer; the shortest has {fewest})"
     return Note("Score", f"{text}.{_why_scores(records)}")
+
+
+def _references(records: Sequence[Record]) -> str:
+    """Which returns score 0 and 100."""
+    returns = dict.fromkeys(
+        f"{record.labels.row} {_number(environment['random_return'])} and {_number(environment['expert_return'])}"
+        for record in records
+        for environment in [record.identity["environment"]]
+    )
+    return f"random and expert are fixed references ({'; '.join(returns)}), not the demonstration of this table"
+
+
+def _number(value: float) -> str:
+    return f"{value:,.1f}".removesuffix(".0")
 
 
 def _why_scores(records: Sequence[Record]) -> str:

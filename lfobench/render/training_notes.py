@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from lfobench.contract.files import GENERATED
 from lfobench.contract.record import Record, Tuning, canonical_json
 from lfobench.render.counting import further_episodes
 from lfobench.render.table import Note
@@ -16,7 +17,8 @@ def data_note(source: str, records: Sequence[Record]) -> Note:
     recorded = [record for record in records if counts_trajectories(record)]
     mixed = [record for record in records if not counts_trajectories(record)]
     said = [*([_mixed(mixed)] if mixed else []), *([_recorded(recorded)] if recorded else [])]
-    return Note("Source", f"{source}. {' '.join(said)}")
+    origin = ", not read from published files" if source == GENERATED else _files(records)
+    return Note("Source", f"{source}{origin}. {' '.join(said)}")
 
 
 def protocol_note(name: str, columns: Columns, records: Sequence[Record]) -> Note:
@@ -59,6 +61,15 @@ def tuning_notes(columns: Columns) -> Iterator[Note]:
 def counts_trajectories(record: Record) -> bool:
     """Whether a record's data is counted in recorded trajectories; else expert trajectories join the offline data."""
     return "offline_trajectories" in record.identity["recipe"]
+
+
+def _files(records: Sequence[Record]) -> str:
+    """What the files are called, where all records were made of the same."""
+    named = [record.provenance.get("data_files") for record in records]
+    if not all(files == named[0] for files in named) or not isinstance(named[0], dict):
+        return ""
+    names = (f"{part} {file.get('name')}" for part, file in named[0].items() if isinstance(file, dict))
+    return f" ({', '.join(names)})"
 
 
 def _mixed(records: Sequence[Record]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from lfobench.contract.episodes import FloatArray
 
 Variant = Literal["complete", "partial", "mixed"]
-Layout = Literal["d4rl", "d4rl-without-goal", "minari"]
+Layout = Literal["d4rl-with-goal", "d4rl-without-goal", "minari"]
 
 SUB_TASKS: dict[Variant, tuple[str, ...]] = {
     "complete": ("microwave", "kettle", "light switch", "slide cabinet"),

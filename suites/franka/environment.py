@@ -3,7 +3,7 @@
 What is the same in both: the arm with velocity commands at 12.5 Hz, the start, the sub-tasks' goals, a reward of one
 for every scored sub-task that a step completes for the first time, and an end once all four are completed. So a return
 counts sub-tasks, from 0 to 4. What is not: the dynamics of arm, doors and knobs. gymnasium-robotics' model is a newer
-one, in which D4RL's recorded actions cannot be replayed; and it judges a sub-task by where an object is, D4RL by where
+one, and nothing of D4RL's was replayed in it; and it judges a sub-task by where an object is, D4RL by where
 its noisy sensors see it, which differs by less than a tenth of the threshold.
 """
 
@@ -20,7 +20,7 @@ from suites.franka import constants
 from suites.franka.constants import Layout, Variant
 from suites.robotics import imported
 
-SIZES: dict[Layout, int] = {"d4rl": 60, "d4rl-without-goal": 30, "minari": 59}
+SIZES: dict[Layout, int] = {"d4rl-with-goal": 60, "d4rl-without-goal": 30, "minari": 59}
 
 
 class Kitchen(gymnasium.Env[FloatArray, NDArray[np.floating[Any]]]):
@@ -28,10 +28,10 @@ class Kitchen(gymnasium.Env[FloatArray, NDArray[np.floating[Any]]]):
 
     The layouts of an observation:
 
-    - ``d4rl`` ``[60]``: 9 coordinates of the robot, 21 of the objects, both with D4RL's noise, and the 30 of the
-      variant's goal. The kitchen goal-vector trap (methods.md 2.5): D4RL's files hold the goal of the variant that each
-      was made for, so the expert rows of ``complete`` differ from every row of ``mixed`` by a constant vector, which
-      says of any row whether it is the expert's; and a policy meets the goal of the variant it is evaluated in.
+    - ``d4rl-with-goal`` ``[60]``: 9 coordinates of the robot, 21 of the objects, both with D4RL's noise, and the 30 of
+      the variant's goal. The kitchen goal-vector trap (methods.md 2.5): D4RL's files hold the goal of the variant that
+      each was made for, so the expert rows of ``complete`` differ from every row of ``mixed`` by a constant vector,
+      which says of any row whether it is the expert's; and a policy meets the goal of the variant it is evaluated in.
     - ``d4rl-without-goal`` ``[30]``: the same without the goal. Of a file, read the first 30 columns.
     - ``minari`` ``[59]``: gymnasium-robotics' own: coordinates and velocities of the robot (9, 9) and of the objects
       (21, 20), with that environment's lesser noise and no goal.
@@ -51,14 +51,14 @@ class Kitchen(gymnasium.Env[FloatArray, NDArray[np.floating[Any]]]):
         UserError: where gymnasium-robotics is not installed.
     """
 
-    def __init__(self, variant: Variant = "partial", layout: Layout = "d4rl") -> None:
+    def __init__(self, variant: Variant = "partial", layout: Layout = "d4rl-with-goal") -> None:
         if variant not in constants.SUB_TASKS or layout not in SIZES:
             raise ValueError(
                 f"variant {variant!r} with layout {layout!r}: a variant is one of {', '.join(constants.SUB_TASKS)}, "
                 f"a layout one of {', '.join(SIZES)}"
             )
         self._noisy = layout != "minari"
-        self._tail = constants.goal(variant) if layout == "d4rl" else np.empty(0, np.float32)
+        self._tail = constants.goal(variant) if layout == "d4rl-with-goal" else np.empty(0, np.float32)
         noise = {"robot_noise_ratio": constants.NOISE_RATIO, "object_noise_ratio": 0.0} if self._noisy else {}
         self._kitchen = imported("franka_kitchen", "kitchen").KitchenEnv(
             tasks_to_complete=list(constants.SUB_TASKS[variant]), **noise

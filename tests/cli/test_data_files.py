@@ -115,7 +115,10 @@ def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfoben
     assert lfobench_command("data", "verify", suite).out.endswith("2 files are what they were.\n")
     assert lfobench_command(*run).code == 0
     footnote = " ".join(lfobench_command("table", "--out", tmp_path / "runs").out.split())
-    assert "there. Offline data: 600 of the recipe's 2,000 transitions and" in footnote
+    assert (
+        "there (offline pole-random-v0, expert pole-expert-v0). Offline data: 600 of the recipe's 2,000 transitions and"
+        in footnote
+    )
     assert "nothing: all 1 runs are done" in lfobench_command(*run).out
 
     made = tmp_path / "cache" / "imported"

@@ -14,7 +14,7 @@ def notes(records: list[Record], **options: object) -> dict[str, str]:
 
 def test_names_everything_a_reader_needs(example: list[Record]) -> None:
     text = notes(example)
-    assert text["Source"].startswith("generated.")
+    assert text["Source"].startswith("generated, not read from published files.")
     assert "1,000,000 transitions" in text["Source"]
     assert "200 expert trajectories" in text["Source"]
     assert text["Protocol"].startswith("paper: 300,000 or 500,000 gradient steps, batch size 256;")
@@ -23,6 +23,7 @@ def test_names_everything_a_reader_needs(example: list[Record]) -> None:
     assert "Hopper-v5" in text["Simulator"]
     assert text["Seeds"] == "n = 3 per cell (seeds 0, 1, 2)."
     assert "mean of the last 5 evaluations" in text["Score"]
+    assert "random and expert are fixed references (hopper 0 and 1,000; " in text["Score"]
     assert "methods without expert actions" in text["Highlighted"]
     assert "Welch's two-sided t-test" in text["Highlighted"]
     assert "p < 0.05" in text["Highlighted"]

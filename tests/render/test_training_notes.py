@@ -11,6 +11,7 @@ from lfobench.contract.record import Counts, Record, Tuning
 from lfobench.errors import UserError
 from lfobench.render.building import build_table
 
+MADE = "generated, not read from published files. "
 RECIPE: dict[str, Any] = {
     "offline": "suboptimal",
     "offline_trajectories": 50,
@@ -32,7 +33,7 @@ def recorded(group: str = "few-trajectories", row: str = "safe-manipulation", **
 
 def test_recorded_trajectories() -> None:
     assert notes([recorded()])["Source"] == (
-        "generated. Offline data: 50 suboptimal trajectories, cut to as many transitions as the expert part. "
+        MADE + "Offline data: 50 suboptimal trajectories, cut to as many transitions as the expert part. "
         "Expert data, observations only: 15 expert trajectories. No row crosses an end."
     )
     assert notes([recorded(standardize=True)])["Source"].endswith(
@@ -43,7 +44,7 @@ def test_recorded_trajectories() -> None:
 def test_transitions_in_random_order_and_a_hand_without_actions() -> None:
     found = recorded(expert="hand", expert_transitions=300, expert_actions=False, equal_transitions=False)
     assert notes([found])["Source"] == (
-        "generated. Offline data: 50 suboptimal trajectories. Expert data, observations only: "
+        MADE + "Offline data: 50 suboptimal trajectories. Expert data, observations only: "
         "300 transitions of 15 hand trajectories, in random order, recorded without actions. No row crosses an end."
     )
 
@@ -106,7 +107,7 @@ def test_what_a_file_lacks_of_the_recipe_is_said() -> None:
     counts = Counts(offline_transitions=600, expert_trajectories=0, demonstration_rows=1000)
     text = notes([whole, short.model_copy(update={"counts": counts})])["Source"]
     assert text == (
-        "generated. Offline data: 600 of the recipe's 1,000,000 or 1,000,000 transitions and, with their actions, "
+        MADE + "Offline data: 600 of the recipe's 1,000,000 or 1,000,000 transitions and, with their actions, "
         "0 of the recipe's 200 or 200 expert trajectories. Expert data: 1,000 rows, observations only."
     )
 

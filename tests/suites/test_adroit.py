@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -10,7 +11,7 @@ from lfobench.contract.suite import Recipe, Task
 from lfobench.data.generated import roll_out
 from lfobench.plan.parts import specification
 from lfobench.plan.sources import nowhere, read_from
-from suites.adroit import ENVIRONMENTS, SUITE
+from suites.adroit import ENVIRONMENTS, PAPER, SUITE
 from suites.hand.levels import WEIGHTS, demonstrator
 
 # environment: observation, action, horizon, return of score 0, return of score 100
@@ -34,7 +35,7 @@ each_environment = pytest.mark.parametrize("environment", ENVIRONMENTS, ids=lamb
 
 def test_six_tasks_in_the_order_of_the_published_table() -> None:
     assert [task.name for task in SUITE.tasks] == list(TRANSITIONS)
-    assert [task.group for task in SUITE.tasks] == ["cloned+expert"] * 3 + ["human+expert"] * 3
+    assert [task.group for task in SUITE.tasks] == ["cloned+expert"] * 3 + ["scripted+expert"] * 3
 
 
 @each_task
@@ -55,11 +56,22 @@ def test_real_files_are_called_what_they_are(task: Task, source: str) -> None:
     assert real.recipe.offline == offline
     assert real.recipe.offline_transitions == TRANSITIONS[task.name]
     assert real.environment == task.environment
+    assert real.group == f"{offline}+expert"
     assert real.read_from is not None and real.read_from.offline is not None and real.read_from.expert is not None
     version = "v0" if source == "d4rl" else "v2"
     names = [real.read_from.offline.name, real.read_from.expert.name]
     prefix = "" if source == "d4rl" else "D4RL-"
     assert names == [f"{prefix}{name}-{level}-{version}" for level in (offline, "expert")]
+
+
+def test_the_paper_s_horizon_ends_everything_at_100() -> None:
+    for task, other in zip(SUITE.tasks, PAPER.tasks, strict=True):
+        assert isinstance(task.recipe, Recipe) and isinstance(other.recipe, Recipe)
+        assert other.environment == replace(task.environment, horizon=100)
+        assert other.recipe == replace(task.recipe, demonstration_rows=100)
+        [real] = read_from([other], "d4rl", None, nowhere)
+        assert isinstance(real.recipe, Recipe)
+        assert (real.environment.horizon, real.recipe.demonstration_rows) == (100, 100)
 
 
 @each_environment

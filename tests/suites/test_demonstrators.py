@@ -11,10 +11,10 @@ import typer
 
 from lfobench.errors import UserError
 from suites.demonstrators import WEIGHTS, load
-from suites.demonstrators.card import LIBRARIES, make_card, shortfall
+from suites.demonstrators.card import LIBRARIES, make_card, make_student_card, shortfall
 from suites.demonstrators.dagger import Settings, distil
 from suites.demonstrators.distil import main
-from suites.demonstrators.measure import measure
+from suites.demonstrators.measure import Difference, measure
 from suites.demonstrators.policy import GaussianTanhPolicy, UniformPolicy
 from suites.demonstrators.teacher import read_teacher
 from suites.locomotion import ENVIRONMENTS
@@ -142,7 +142,7 @@ def test_the_same_seed_gives_the_same_file(tmp_path, squash):
     assert first == distil(BODIES["hopper"], teacher, TINY, lines.append)
     assert first != distil(BODIES["hopper"], teacher, dataclasses.replace(TINY, seed=1), lines.append)
     assert lines[:3] == lines[3:6]
-    card = make_card(BODIES["hopper"], "medium", first, teacher, TINY, "a command", episodes=1)
+    card = make_student_card(BODIES["hopper"], "medium", first, teacher, TINY, "a command", episodes=1)
     assert card["teacher"]["sha256"] == hashlib.sha256((tmp_path / "teacher.npz").read_bytes()).hexdigest()
     json.dumps(card)
 
@@ -163,6 +163,27 @@ def test_a_student_learns_its_teachers_mean_and_noise(tmp_path, squash):
         np.std([policy.act(observation, generator) for _ in range(2000)], axis=0) for policy in (student, teacher)
     ]
     np.testing.assert_allclose(*spreads, atol=0.06)
+
+
+def test_a_card_names_what_its_maker_gives():
+    weights = (WEIGHTS / "hopper-medium.safetensors").read_bytes()
+    origin = {"demonstrations": {"episodes": 3}}
+    card = make_card(
+        BODIES["hopper"], "clone", weights, "a command", "cloning", {"steps": 5}, origin, ("numpy", "torch"), episodes=1
+    )
+    assert set(read_card("hopper", "medium")) - set(card) == {"teacher"}
+    assert (card["level"], card["settings"], card["demonstrations"]) == ("clone", {"steps": 5}, {"episodes": 3})
+    assert set(card["versions"]) == {"python", "numpy", "torch"}
+    assert card["sha256"] == load("hopper", "medium").fingerprint
+    assert card["levels"].keys() == {"sampled", "deterministic"}
+
+
+def test_episodes_that_begin_alike_are_compared_one_by_one():
+    one, other = np.array([1.0, 5.0, 9.0]), np.array([0.0, 5.0, 7.0])
+    apart = Difference.between(one, other)
+    assert (apart.mean, apart.median_size) == (1.0, 1.0)
+    assert apart.error == pytest.approx(1 / np.sqrt(3))
+    assert apart.unpaired_error == pytest.approx(np.sqrt((16 + 13) / 3))
 
 
 def test_exploration_scales_the_noise(tmp_path):

@@ -53,7 +53,7 @@ def test_the_environment_is_that_of_the_files(suite: Suite, task: Task) -> None:
     without = suite is WITHOUT_GOAL
     (read,) = read_from([task], "d4rl", None, nowhere)
     assert read.environment == task.environment and read.recipe == task.recipe
-    assert task.environment.arguments["layout"] == ("d4rl-without-goal" if without else "d4rl")
+    assert task.environment.arguments["layout"] == ("d4rl-without-goal" if without else "d4rl-with-goal")
     files = task.files["d4rl"]
     assert files.offline is not None and files.expert is not None
     assert files.offline.name == f"kitchen-{task.name.split('-')[1]}-v0"

@@ -10,7 +10,7 @@ from lfobench.contract.suite import Environment, Task
 from lfobench.data.generated import roll_out
 from lfobench.plan.parts import specification
 from suites.demonstrators import WEIGHTS
-from suites.locomotion import ENVIRONMENTS, SUITE
+from suites.locomotion import ENVIRONMENTS, SMODICE, SUITE
 
 # environment: id, observation, action, return of score 0, return of score 100
 PUBLISHED = {
@@ -46,6 +46,12 @@ def test_a_task_is_the_published_recipe(task: Task) -> None:
     assert (recipe.offline, recipe.offline_transitions) == (offline, 1_000_000)
     assert (recipe.expert, recipe.expert_trajectories, recipe.demonstration_rows) == ("expert", trajectories, 1000)
     assert (task.group, task.paper_steps) == (f"{offline}+{mix}", steps)
+
+
+def test_smodice_s_code_mixes_half_as_many_trajectories_for_walker2d() -> None:
+    changed = {task.name: task.recipe for task, other in zip(SMODICE.tasks, SUITE.tasks, strict=True) if task != other}
+    assert list(changed) == ["walker2d-random-expert", "walker2d-medium-expert"]
+    assert {recipe.expert_trajectories for recipe in changed.values()} == {100}
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

@@ -20,6 +20,13 @@ def test_every_row_of_the_published_table_is_a_task() -> None:
     assert {(task.environment.name, task.name.removeprefix(f"{task.environment.name}-")) for task in tasks} == rows
 
 
+def test_the_paper_s_table_has_its_own_variants() -> None:
+    tasks, of_suite = load_suite("table1-paper").tasks, load_suite("table1").tasks
+    assert [task.name for task in tasks] == [task.name for task in of_suite]
+    differing = {task.environment.name for task, other in zip(tasks, of_suite, strict=True) if task != other}
+    assert differing == {"door", "hammer", "kitchen"}
+
+
 def test_a_run_is_the_same_whichever_suite_it_is_named_by() -> None:
     def hashes(suite: str, tasks: str) -> list[str]:
         plan = make_plan(Request("bc", suite, tasks, protocol="smoke"), lambda: False)

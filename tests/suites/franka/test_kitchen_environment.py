@@ -25,7 +25,7 @@ MIXED = ("microwave", "kettle", "bottom burner", "light switch")
 
 
 @cache
-def kitchen(variant: Variant = "partial", layout: Layout = "d4rl") -> Kitchen:
+def kitchen(variant: Variant = "partial", layout: Layout = "d4rl-with-goal") -> Kitchen:
     """Shared, as a kitchen takes a second to build; every test resets it."""
     return Kitchen(variant, layout)
 
