@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,14 +18,15 @@ from lfobench.cli.progress import JobLine, OverallLine, display
 from lfobench.contract.record import Warning
 from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
-from lfobench.data.source import check_columns
+from lfobench.data.remarks import check_parts, remarks
+from lfobench.data.source import load_task
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.errors import UserError
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
 from lfobench.files import remove_leftovers, writable_folder
-from lfobench.plan.cells import Run
+from lfobench.plan.cells import Cell, Run
 from lfobench.plan.parts import build_command
 from lfobench.plan.sources import absent_files, spelled
 from lfobench.store.failures import write_failure
@@ -108,15 +109,14 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
     if agenda.shards:
         writable_folder(agenda.cache, "LFOBENCH_CACHE")
     writable_folder(out, "--out")
-    stop = StopRequest()
+    stop, said = StopRequest(), Said()
     try:
         with stop.listening():
             build_data(agenda.shards, agenda.builders, stop, quiet)
             RecordFolder(out).remove_leftovers()
             if not stop():
-                for cell in {job.cell.task.name: job.cell for job in agenda.jobs}.values():
-                    check_columns(agenda.cache, plan.suite, cell.task, cell.recipe, rebuild(cell.task.name))
-            tally = Tally() if stop() else _train(agenda, expected, out, stop, quiet)
+                _look_at_files(agenda, rebuild, said)
+            tally = Tally() if stop() else _train(agenda, expected, out, stop, said, quiet)
     except KeyboardInterrupt:
         stop.asked = True
         tally = Tally()
@@ -131,6 +131,20 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
         return 1
     remove_checkpoints_of_the_finished(agenda, out)
     return 0
+
+
+def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], said: Said) -> None:
+    """Refuse files that nothing can be learned from, and say what they lack, before anything trains on them."""
+    cells: dict[str, list[Cell]] = {}
+    for job in agenda.jobs:
+        if job.cell.task.read_from is not None:
+            cells.setdefault(job.cell.task.name, []).append(job.cell)
+    with errors.status("Looking at the files…"):
+        for name, of_task in cells.items():
+            data = load_task(agenda.cache, agenda.plan.suite, of_task[0].task, of_task[0].recipe, rebuild(name))
+            check_parts(data)
+            for cell in of_task:
+                said.warn(list(remarks(data, cell.method.needs(cell.config))))
 
 
 def remove_checkpoints_of_the_finished(agenda: Agenda, out: Path) -> None:
@@ -166,12 +180,11 @@ def build_data(shards: Sequence[ShardJob | ImportJob], workers: int, stop: StopR
         errors.print(f"Built {len(shards)} shards.")
 
 
-def _train(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, quiet: bool) -> Tally:
+def _train(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, said: Said, quiet: bool) -> Tally:
     tally, work = Tally(), agenda.jobs
     with display(quiet) as shown:
         overall = OverallLine(shown.bars, agenda, expected)
         lines: dict[int, JobLine] = {}
-        said = Said()
         for event in _events(work, agenda.workers, stop):
             job, what = work[event.index], event.what
             if isinstance(what, Advance):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,8 +13,8 @@ from filelock import FileLock, Timeout
 
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Evaluation, Record, Warning, content_hash
-from lfobench.contract.suite import TrajectoryRecipe
 from lfobench.data.firewall import view
+from lfobench.data.remarks import remarks
 from lfobench.data.source import TaskData, load_task
 from lfobench.engine.policy import save_policy
 from lfobench.engine.provenance import package_versions, provenance
@@ -168,31 +167,4 @@ def _warnings(diverged_at: int | None, data: TaskData, needs: DataNeeds) -> Iter
             what=f"Non-finite values at step {diverged_at}: this seed counts as score 0.",
             remedy="Lower the learning rates or the temperature; the other seeds are unaffected.",
         )
-    recipe = data.recipe
-    if isinstance(recipe, TrajectoryRecipe):
-        return  # every recorded demonstration is observed, the failed ones among them; the record says how many succeed
-    if needs.boundary == "released" and not data.released_expert_rows:
-        yield Warning(
-            what=f"The expert part does not reach {recipe.expert_trajectories} trajectories by the released "
-            "count, so none of it is mixed into the offline data.",
-            remedy="Lower K, or give the recipe a longer expert part.",
-        )
-    for part, have, wanted in (
-        ("offline part", data.offline.transitions, recipe.offline_transitions),
-        ("expert part", data.expert.transitions, recipe.demonstration_rows),
-    ):
-        if have < wanted:
-            yield Warning(
-                what=f"The {part} has {have:,} transitions, fewer than the {wanted:,} of the recipe.",
-                remedy="Nothing, if that is how large the data is.",
-            )
-    if data.demonstration_score is None:
-        return
-    scores = [data.task.environment.normalized_score(value) for value in data.expert.returns().tolist()]
-    mean, spread = statistics.fmean(scores), statistics.pstdev(scores)
-    if data.demonstration_score < mean - spread:
-        yield Warning(
-            what=f"The demonstration, the first expert episode, scores {data.demonstration_score:.1f}; "
-            f"expert episodes score {mean:.1f} ± {spread:.1f}.",
-            remedy="Every method is asked to imitate that episode: put a better one first.",
-        )
+    yield from remarks(data, needs)

@@ -205,6 +205,22 @@ def test_own_files_in_a_suite_file_and_on_the_command_line(
     assert_refused(lfobench_command(*run, "--source", f"offline={page},expert={expert}"), "it is a web page")
 
 
+def test_what_files_lack_is_said_before_anything_trains(
+    suite: Path, published: Path, tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    write_d4rl(tmp_path / "one.hdf5", make_episodes([20], [False], 4, 1))
+    write_d4rl(tmp_path / "row.hdf5", make_episodes([1], [False], 4, 1))
+    offline, run = f"offline={published / 'pole_random-v0.hdf5'}", training(suite, tmp_path / "runs")
+    lonely = lfobench_command(*run, "--source", f"{offline},expert={tmp_path / 'one.hdf5'}")
+    assert lonely.code == 0
+    said = lonely.err.index(
+        "has 1 episodes and does not reach 2 trajectories by the released count, so none of it is mixed"
+    )
+    assert said < lonely.err.index("seed 0: score") and lonely.err.count("by the released count") == 1
+    empty = lfobench_command(*run, "--source", f"{offline},expert={tmp_path / 'row.hdf5'}")
+    assert empty.code == 2 and "of its 1 rows, 0 have two successors in their episode" in empty.err
+
+
 def test_a_suite_without_files(lfobench_command: InProcess) -> None:
     assert lfobench_command("data", "ls", "airhockey").out == "No data files: everything here is generated.\n"
     assert_refused(lfobench_command("data", "download", "airhockey"), "has no data files", "data build")

@@ -1,0 +1,77 @@
+"""What a reader of a number should know of the data behind it, and data that nothing can be learned from."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator
+
+from lfobench.contract.method import DataNeeds
+from lfobench.contract.record import Warning
+from lfobench.contract.suite import Recipe, TrajectoryRecipe
+from lfobench.data import boundaries
+from lfobench.data.source import TaskData
+from lfobench.errors import UserError
+
+FEWEST_TRIPLES = 2
+"""Of a part; the authors' buffer never samples its last row."""
+FEWEST_EPISODES = 10
+"""Of experts, to say of one of them that it is worse than they are."""
+
+
+def check_parts(data: TaskData) -> None:
+    """Refuse a part of files without successive steps.
+
+    Raises:
+        UserError: naming the file.
+    """
+    read = data.task.read_from
+    if read is None:
+        return
+    for file, episodes in ((read.offline, data.offline), (read.expert, data.expert)):
+        triples = boundaries.released_triples(boundaries.released_transitions(episodes))
+        if file is not None and len(triples) < FEWEST_TRIPLES:
+            raise UserError(
+                f"Nothing can be learned from the data file {file.path}: of its {episodes.transitions:,} rows, "
+                f"{len(triples)} have two successors in their episode.",
+                "Name another file; 'lfobench data doctor' says how this one is cut.",
+            )
+
+
+def remarks(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
+    """What is not as the recipe has it, for a method of these needs."""
+    if isinstance(data.recipe, TrajectoryRecipe):
+        return  # every recorded demonstration is observed, the failed ones among them; the record says how many succeed
+    yield from _short(data, data.recipe, needs)
+    yield from _poor_demonstration(data)
+
+
+def _short(data: TaskData, recipe: Recipe, needs: DataNeeds) -> Iterator[Warning]:
+    if needs.boundary == "released" and not data.released_expert_rows:
+        yield Warning(
+            what=f"The expert part of {data.task.name} has {len(data.expert.lengths)} episodes and does not reach "
+            f"{recipe.expert_trajectories} trajectories by the released count, so none of it is mixed into the offline "
+            "data.",
+            remedy="Take a task of fewer expert trajectories, or a longer expert part.",
+        )
+    for part, have, wanted in (
+        ("offline part", data.offline.transitions, recipe.offline_transitions),
+        ("expert part", data.expert.transitions, recipe.demonstration_rows),
+    ):
+        if have < wanted:
+            yield Warning(
+                what=f"The {part} of {data.task.name} has {have:,} of the {wanted:,} transitions of the recipe.",
+                remedy="Nothing, if that is how large the data is.",
+            )
+
+
+def _poor_demonstration(data: TaskData) -> Iterator[Warning]:
+    if data.demonstration_score is None or len(data.expert.lengths) < FEWEST_EPISODES:
+        return
+    scores = [data.task.environment.normalized_score(value) for value in data.expert.returns().tolist()]
+    mean, spread = statistics.fmean(scores), statistics.pstdev(scores)
+    if data.demonstration_score < mean - spread:
+        yield Warning(
+            what=f"The demonstration of {data.task.name}, the first expert episode, scores "
+            f"{data.demonstration_score:.1f}; expert episodes score {mean:.1f} ± {spread:.1f}.",
+            remedy="Every method is asked to imitate that episode: put a better one first.",
+        )
