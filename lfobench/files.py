@@ -22,6 +22,18 @@ def cache_folder() -> Path:
     return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("lfobench"))
 
 
+def exists(path: Path) -> bool:
+    """Whether there is anything at `path`.
+
+    Raises:
+        UserError: nobody can tell, because a folder on the way may not be entered, or the name is too long.
+    """
+    try:
+        return path.exists()
+    except OSError as error:
+        raise UserError(f"Cannot look at {path}: {error.strerror}.", "Name another path, or allow it.") from error
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its name, durably, if the block succeeds.

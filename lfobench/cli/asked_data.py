@@ -16,7 +16,7 @@ from lfobench.plan.names import select_tasks, split_names
 from lfobench.plan.parts import PartRequest, build_command, requests
 from lfobench.plan.planning import choose_protocol
 from lfobench.plan.protocol import Protocol
-from lfobench.plan.sources import choose_source, read_from, spelled
+from lfobench.plan.sources import check_here, choose_source, read_from, spelled
 from lfobench.registry import load_suite
 
 
@@ -70,8 +70,9 @@ class AskedData:
         """Read one of the tasks' data.
 
         Raises:
-            UserError: a shard is missing or damaged.
+            UserError: a file is not here, or a shard is missing or damaged.
         """
+        check_here([task], self.name, self.source)
         return load_task(self.cache, self.suite, task, self.protocol.recipe_for(task), self.rebuild(task))
 
     def rebuild(self, task: Task) -> str:

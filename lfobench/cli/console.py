@@ -17,10 +17,11 @@ def print_json(value: Any) -> None:
 
 
 def one_line(text: str) -> str:
-    """`text` without line breaks, shown as it is written: its brackets are no markup."""
+    """`text` without line breaks, shown as it is written: its brackets are no markup, its control codes do nothing."""
     from rich.markup import escape
 
-    return escape(" ".join(text.splitlines()))
+    harmless = (letter if letter.isprintable() else ascii(letter)[1:-1] for letter in " ".join(text.splitlines()))
+    return escape("".join(harmless))
 
 
 def duration(seconds: float) -> str:

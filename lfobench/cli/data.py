@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 import typer
 
-from lfobench.cli import data_files, options
+from lfobench.cli import data_files, data_listing, options
 from lfobench.cli.console import output, print_json
 from lfobench.cli.doctor import doctor
 
 app = typer.Typer(name="data", help="Datasets: what is needed and here, fetch, check, build.", no_args_is_help=True)
-app.command(name="ls")(data_files.list_files)
+app.command(name="ls")(data_listing.list_files)
 app.command()(data_files.download)
 app.command()(data_files.verify)
 app.command()(doctor)

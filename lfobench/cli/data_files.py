@@ -1,4 +1,4 @@
-"""``lfobench data ls | download | verify | rm``: the files of a suite's sources, on this machine."""
+"""``lfobench data download | verify | rm``: the files of a suite's sources, brought, checked and forgotten."""
 
 from __future__ import annotations
 
@@ -8,50 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lfobench.cli import options
-from lfobench.cli.console import errors, output, print_json
+from lfobench.cli.console import errors, one_line, output
 
 if TYPE_CHECKING:
     from lfobench.data.fetching import Wanted
+    from lfobench.data.library import Library
 
 SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, the path of its file, or a registered task.")]
 SourceOption = Annotated[str | None, typer.Option("--source", help="Only files of this source. Default: the first.")]
 AnySource = Annotated[str | None, typer.Option("--source", help="Only files of this source. Default: all.")]
-
-
-def list_files(
-    suite: Annotated[
-        str | None, typer.Argument(help="A suite's name, the path of its file, or a registered task. Default: all.")
-    ] = None,
-    tasks: options.Tasks = None,
-    source: AnySource = None,
-    as_json: options.Json = False,
-) -> None:
-    """What files each suite can be read from, which of them are here, and how large they are.
-
-    Example: lfobench data ls locomotion --source d4rl
-    """
-    from rich.markup import escape
-    from rich.table import Table
-
-    from lfobench.cli.inputs import suite_and_tasks
-    from lfobench.registry import suite_names
-
-    chosen = [suite_and_tasks(suite, tasks)] if suite else [(name, tasks) for name in suite_names()]
-    rows = [row for each in chosen for row in _rows(*each, source)]
-    if as_json:
-        print_json(rows)
-        return
-    if not rows:
-        output.print("No data files: everything here is generated.")
-        return
-    table = Table("suite", "source")
-    for header in ("file", "tasks", "size", "where it lies"):
-        table.add_column(header, overflow="fold")
-    for row in rows:
-        size = "" if row["bytes"] is None else f"{row['bytes'] / 1e6:,.1f} MB"
-        where = escape(row["path"]) if row["path"] else "[dim]not here[/]"
-        table.add_row(escape(row["suite"]), row["source"], escape(row["file"]), str(len(row["tasks"])), size, where)
-    output.print(table)
 
 
 def download(
@@ -76,7 +41,7 @@ def download(
     from lfobench.data.fetching import adopt, bring
     from lfobench.errors import UserError
 
-    library, needed = _library(), _wanted(*suite_and_tasks(suite, tasks), source)
+    library, needed = library_here(), wanted_of(*suite_and_tasks(suite, tasks), source)
     wanted = [each for each in needed if each.file.addresses]
     if not wanted:
         output.print("Nothing to fetch: these files are your own.")
@@ -108,7 +73,7 @@ def download(
         errors.print(escape(f"Not in {from_folder}: {', '.join(absent)}."), soft_wrap=True)
     if refused:
         for other in refused[1:]:
-            errors.print(escape(str(other)), soft_wrap=True)
+            errors.print(one_line(str(other)), soft_wrap=True)
         raise refused[0]
     raise typer.Exit(1 if absent else 0)
 
@@ -121,10 +86,14 @@ def verify(suite: SuiteArgument, tasks: options.Tasks = None, source: AnySource 
     from lfobench.cli.inputs import suite_and_tasks
     from lfobench.errors import UserError
 
-    library, here, refused = _library(), 0, []
-    for each in _wanted(*suite_and_tasks(suite, tasks), source, every=True):
+    library, here, refused = library_here(), 0, []
+    wanted = wanted_of(*suite_and_tasks(suite, tasks), source, every=True)
+    if wanted and not any(each.file.addresses for each in wanted):
+        output.print("Nothing to verify: these files are your own, and taken as they are.")
+        return
+    for each in wanted:
         if not each.file.addresses:
-            continue  # one's own may change
+            continue
         try:
             note = library.verify(each.source, each.file)
         except UserError as refusal:
@@ -134,7 +103,7 @@ def verify(suite: SuiteArgument, tasks: options.Tasks = None, source: AnySource 
             output.print(f"{each.source} {each.file.name}: unchanged, SHA-256 {note.sha256}", soft_wrap=True)
             here += 1
     for other in refused[1:]:
-        errors.print(str(other), soft_wrap=True, markup=False)
+        errors.print(one_line(str(other)), soft_wrap=True)
     if refused:
         raise refused[0]
     output.print(f"{here} files are what they were." if here else "None of the files is here.")
@@ -153,8 +122,8 @@ def remove(
     from lfobench.cli.inputs import suite_and_tasks
     from lfobench.data.fetching import forget, known
 
-    library = _library()
-    here = [each for each in _wanted(*suite_and_tasks(suite, tasks), source, every=True) if known(library, each)]
+    library = library_here()
+    here = [each for each in wanted_of(*suite_and_tasks(suite, tasks), source, every=True) if known(library, each)]
     if not here:
         output.print("None of the files is here.")
         return
@@ -166,14 +135,15 @@ def remove(
     output.print(f"Forgot {len(here)} files, deleted {deleted}{stay}.")
 
 
-def _library() -> Any:
+def library_here() -> Library:
+    """Of the cache."""
     from lfobench.data.library import Library
     from lfobench.files import cache_folder
 
     return Library(cache_folder())
 
 
-def _wanted(suite: str, tasks: str | None, source: str | None, every: bool = False) -> list[Wanted]:
+def wanted_of(suite: str, tasks: str | None, source: str | None, every: bool = False) -> list[Wanted]:
     """Files of the chosen tasks; without a source, of the suite's first one, or of `every` one."""
     from lfobench.data.fetching import wanted_files
     from lfobench.errors import UserError, unknown_name
@@ -188,31 +158,3 @@ def _wanted(suite: str, tasks: str | None, source: str | None, every: bool = Fal
     if not declared and not every:
         raise UserError(f"Suite '{loaded.name}' has no data files.", "Its data is generated: lfobench data build.")
     return wanted_files(chosen, [source] if source is not None else None if every else declared[:1])
-
-
-def _rows(suite: str, tasks: str | None, source: str | None) -> list[dict[str, Any]]:
-    from lfobench.registry import load_suite
-
-    library, rows = _library(), []
-    for each in _wanted(suite, tasks, source, every=True):
-        note = library.note(each.source, each.file)
-        path = Path(note.path) if note else library.place(each.source, each.file)
-        here = path.exists()
-        rows.append(
-            {
-                "suite": load_suite(suite).name,
-                "source": each.source,
-                "file": each.file.name,
-                "tasks": list(each.tasks),
-                "addresses": list(each.file.addresses),
-                "path": str(path) if here else None,
-                "bytes": _size(path) if here else None,
-                "sha256": note.sha256 if note else None,
-            }
-        )
-    return rows
-
-
-def _size(path: Path) -> int:
-    """Bytes of a file, or of all in a folder."""
-    return sum(each.stat().st_size for each in path.rglob("*")) if path.is_dir() else path.stat().st_size

@@ -10,6 +10,7 @@ import typer
 from lfobench.cli import options
 from lfobench.cli.console import output, print_json
 from lfobench.errors import UserError
+from lfobench.files import exists
 
 if TYPE_CHECKING:
     from lfobench.contract.diagnosis import Diagnosis
@@ -36,7 +37,7 @@ def doctor(
 
     Example: lfobench data doctor hopper-medium-expert --source d4rl
     """
-    owner = None if Path(subject).exists() else _suite_of(subject, suite)
+    owner = None if exists(Path(subject)) else _suite_of(subject, suite)
     if owner is not None:
         if horizon is not None or to is not None:
             raise UserError("--horizon and --to are for a file; a task knows its horizon.", "Leave them out.")

@@ -22,13 +22,12 @@ from lfobench.data.remarks import check_parts, remarks
 from lfobench.data.source import load_task
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
-from lfobench.errors import UserError
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
 from lfobench.files import remove_leftovers, writable_folder
 from lfobench.plan.cells import Cell, Run
 from lfobench.plan.parts import build_command
-from lfobench.plan.sources import absent_files, spelled
+from lfobench.plan.sources import check_here, spelled
 from lfobench.store.failures import write_failure
 from lfobench.store.folder import RecordFolder
 
@@ -94,11 +93,7 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
         UserError: for data that is damaged, or a folder that cannot be written into.
     """
     plan = agenda.plan
-    if absent := absent_files(plan.tasks):
-        raise UserError(
-            f"{len(absent)} data files are not here: {', '.join(file.name for file in absent)}.",
-            f"Fetch them: lfobench data download {plan.cells[0].suite} --source {plan.cells[0].source}",
-        )
+    check_here(plan.tasks, plan.cells[0].suite, plan.cells[0].source)
     sources = {task.name: spelled(task, plan.cells[0].source) for task in plan.tasks}
 
     def rebuild(task: str) -> str:

@@ -54,6 +54,10 @@ class Diagnosis:
         lengths: steps of every episode.
         returns: of every episode; empty where rewards are missing or not finite.
         terminated: episodes that ended by themselves.
+        terminations: of every episode, whether it ended by itself.
+        timeouts: whether the file says which episodes time ended; where it does not, those that did not end by
+            themselves may have ended in any way.
+        horizon: steps after which the environment cuts an episode; None where that is not known.
         findings: most severe first.
         modes: what every boundary mode yields.
     """
@@ -64,6 +68,9 @@ class Diagnosis:
     lengths: tuple[int, ...]
     returns: tuple[float, ...]
     terminated: int
+    terminations: tuple[bool, ...]
+    timeouts: bool
+    horizon: int | None
     findings: tuple[Finding, ...]
     modes: tuple[Mode, ...]
 

@@ -42,9 +42,11 @@ def own_file(path: str | Path) -> DataFile:
     """A user's file, called by its own name; ``~`` is the home folder.
 
     Raises:
-        ValueError: the path is relative, and would be another file in another working folder.
+        ValueError: the path is relative, and would be another file in another working folder; or no text.
     """
     place = Path(path).expanduser()
+    if not str(place).isprintable():
+        raise ValueError(f"{str(place)!a} cannot be written down; name a link to it that can")
     if not place.is_absolute():
         raise ValueError(f"{path} is relative; write Path(__file__).parent / {str(path)!r} for one beside the suite")
     return DataFile(place.stem or str(place), path=str(place))

@@ -15,6 +15,7 @@ from lfobench.data.download import Report, discard, fetch, fetched
 from lfobench.data.isolated import DataFileRefused, examine_file
 from lfobench.data.library import Library, Note
 from lfobench.errors import UserError
+from lfobench.files import exists
 
 MINARI = "minari:"
 
@@ -78,20 +79,16 @@ def adopt(library: Library, wanted: Wanted, folder: Path) -> Note | None:
     """
     for name in _names(wanted.file):
         path = folder / name
-        if path.exists():
+        if exists(path):
             look(path, wanted)
             return library.take_in(wanted.source, wanted.file, path.resolve())
     return None
 
 
 def known(library: Library, wanted: Wanted) -> bool:
-    """Whether a file, or a part of it, is here or was.
-
-    Raises:
-        UserError: its note is damaged.
-    """
-    note = library.note(wanted.source, wanted.file)
-    return note is not None or bool(wanted.file.addresses and fetched(library.place(wanted.source, wanted.file)))
+    """Whether a file, or a part of it, is here or was."""
+    place = library.place(wanted.source, wanted.file)
+    return library.has_note(wanted.source, wanted.file) or bool(wanted.file.addresses and fetched(place))
 
 
 def forget(library: Library, wanted: Wanted) -> bool:
@@ -100,9 +97,12 @@ def forget(library: Library, wanted: Wanted) -> bool:
     A file that was adopted, or is the user's own, stays where it lies.
 
     Raises:
-        UserError: another process is fetching it, its note is damaged, or the disk refuses.
+        UserError: another process is fetching it, or the disk refuses.
     """
-    note = library.note(wanted.source, wanted.file)
+    try:
+        note = library.note(wanted.source, wanted.file)
+    except UserError:
+        note = None  # damaged: what was made of the file cannot be told, and the note is forgotten like any other
     deleted = bool(wanted.file.addresses) and discard(library.place(wanted.source, wanted.file))
     if note is not None:
         forget_imports(library.cache, wanted.file.name, note.sha256)

@@ -19,7 +19,7 @@ from lfobench.contract.files import DataFile
 from lfobench.data.readers.formats import data_file, sha256
 from lfobench.data.readers.hdf5 import FileProblem
 from lfobench.errors import UserError
-from lfobench.files import write_text
+from lfobench.files import exists, write_text
 from lfobench.plan.sources import OWN
 
 FILES = "files"
@@ -73,6 +73,10 @@ class Library(NamedTuple):
                 "Delete it to take the file as it is now.",
             ) from error
 
+    def has_note(self, source: str, file: DataFile) -> bool:
+        """Whether there is a note of a file, readable or not."""
+        return exists(self._note_path(source, file))
+
     def find(self, file: DataFile, source: str) -> DataFile:
         """The file with its path and hash; as it is where it is not here.
 
@@ -85,7 +89,7 @@ class Library(NamedTuple):
             return self._own(file)
         note = self.note(source, file)
         path = Path(note.path) if note else self.place(source, file)
-        if not path.exists():
+        if not exists(path):
             return file
         return replace(file, path=str(path), sha256=self._known(source, file, note, path).sha256)
 
@@ -96,7 +100,7 @@ class Library(NamedTuple):
             UserError: as `find` does.
         """
         note = self.note(source, file)
-        if note is None or not Path(note.path).exists():
+        if note is None or not exists(Path(note.path)):
             return None
         return self._known(source, file, note, Path(note.path))
 
@@ -126,16 +130,16 @@ class Library(NamedTuple):
         """
         note = self.note(source, file)
         path = Path(note.path) if note else self.place(source, file)
-        if note and not path.exists():
+        if note and not exists(path):
             raise UserError(
                 f"{file.name} is no longer at {path}.",
                 "Put it back, or fetch it again: lfobench data download; with --from DIR from where it is now.",
             )
-        return self.take_in(source, file, path, note.address if note else "") if path.exists() else None
+        return self.take_in(source, file, path, note.address if note else "") if exists(path) else None
 
     def _own(self, file: DataFile) -> DataFile:
         path = self.place(OWN, file)
-        if not path.exists():
+        if not exists(path):
             raise UserError(f"No data file {path}.", "Name another with --source, or in the suite's file.")
         note = self.note(OWN, file)
         if note is None or note.stamp != _stamp(path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -43,7 +44,7 @@ def choose_source(text: str, suite: Suite) -> tuple[str, Files | None]:
         return OWN, _own(text)
     if text == GENERATED or text in declared:
         return text, None
-    if Path(text).exists() or text.endswith((".hdf5", ".h5")):
+    if "/" in text or text.endswith((".hdf5", ".h5")):
         raise UserError(
             f"--source {text} does not say which part the file is.",
             f"Write --source offline={text}, --source expert={text}, or both parts, separated by a comma.",
@@ -59,7 +60,10 @@ def _own(text: str) -> Files:
             raise UserError(f"--source {text}: '{pair}' is not a part and its path.", "Write offline=PATH,expert=PATH.")
         if part in parts:
             raise UserError(f"--source names the {part} part twice.", "Name each part once.")
-        parts[part] = own_file(str(Path(path).expanduser().resolve()))
+        try:
+            parts[part] = own_file(str(Path(path).expanduser().resolve()))
+        except ValueError as error:
+            raise UserError(f"--source: {error}.") from error
     return Files(offline=parts.get("offline"), expert=parts.get("expert"))
 
 
@@ -75,8 +79,11 @@ def read_from(tasks: Sequence[Task], source: str, own: Files | None, find: Find)
     for task in tasks:
         files = task.files.get(source) if own is None else _of_task(own, task)
         if files is None:
-            others = [GENERATED, *task.files]
-            raise UserError(f"Task '{task.name}' has no source '{source}'.", f"It has: {', '.join(others)}.")
+            have = [other.name for other in tasks if source in other.files]
+            raise UserError(
+                f"Task '{task.name}' has no source '{source}', only {', '.join([GENERATED, *task.files])}.",
+                f"Choose those that have it: --tasks {','.join(have)}" if have else "Choose another source.",
+            )
         if isinstance(task.recipe, TrajectoryRecipe):
             raise UserError(
                 f"The data of {task.name} are recordings of its own operators; no file takes their place.",
@@ -119,3 +126,19 @@ def absent_files(tasks: Sequence[Task]) -> list[DataFile]:
         files = () if task.read_from is None else (task.read_from.offline, task.read_from.expert)
         found |= {file.name: file for file in files if file is not None and file.sha256 is None}
     return list(found.values())
+
+
+def check_here(tasks: Sequence[Task], suite: str, source: str) -> None:
+    """Refuse tasks whose files are not here.
+
+    Raises:
+        UserError: naming them and the command that brings them.
+    """
+    if absent := absent_files(tasks):
+        words = ["lfobench", "data", "download", suite, "--source", source]
+        if len(tasks) == 1:
+            words += ["--tasks", tasks[0].name]
+        raise UserError(
+            f"Not here: the data {'file' if len(absent) == 1 else 'files'} {', '.join(file.name for file in absent)}.",
+            f"Fetch: {shlex.join(words)}; with --from DIR, those you have are used where they lie.",
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 import threading
 from collections.abc import Iterator
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -91,7 +92,7 @@ def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfoben
     assert "2 files" in next(line for line in planned.out.splitlines() if "pole-random-expert" in line)
     lacking = json.loads(lfobench_command(*run, "--dry-run", "--json").out)["data_lacking"]
     assert lacking == {"pole-random-expert": {"shards": 0, "files": ["pole-random-v0", "pole-expert-v0"]}}
-    assert_refused(lfobench_command(*run), "2 data files are not here: pole-random-v0, pole-expert-v0", "data download")
+    assert_refused(lfobench_command(*run), "Not here: the data files pole-random-v0, pole-expert-v0. Fetch: lfobench")
     assert [row["path"] for row in listed(lfobench_command, suite).values()] == [None, None]
     absent = lfobench_command("show", "pole-random-expert", "--suite", suite).out
     assert "files not here: pole-random-v0, pole-expert-v0; fetch them: lfobench data download" in " ".join(
@@ -231,9 +232,49 @@ def test_a_suite_without_files(lfobench_command: InProcess) -> None:
 
 def test_a_task_says_which_suite_it_is_of(lfobench_command: InProcess) -> None:
     rows = json.loads(lfobench_command("data", "ls", "pen-human-expert", "--source", "d4rl", "--json").out)
-    assert [(row["suite"], row["file"]) for row in rows] == [("adroit", "pen-human-v0"), ("adroit", "pen-expert-v0")]
+    found = [(row["suites"], row["file"]) for row in rows]
+    assert found == [(["adroit"], "pen-human-v0"), (["adroit"], "pen-expert-v0")]
     assert "kitchen-mixed-v0" in lfobench_command("show", "kitchen-mixed-expert", "--source", "d4rl").out
     assert_refused(
         lfobench_command("data", "download", "pen-human-expert", "--tasks", "pen-*"), "is one task", "Leave out"
     )
     assert_refused(lfobench_command("data", "verify", "pen-humn-expert"), "Did you mean 'pen-human-expert'?")
+
+
+def test_a_glob_over_all_suites_names_those_that_have_such_tasks(lfobench_command: InProcess) -> None:
+    rows = json.loads(lfobench_command("data", "ls", "--tasks", "pen-*", "--source", "d4rl", "--json").out)
+    assert {suite for row in rows for suite in row["suites"]} == {"adroit", "adroit-paper", "table1", "table1-paper"}
+    assert [row["file"] for row in rows] == ["pen-cloned-v0", "pen-expert-v0", "pen-human-v0"], "each once"
+    assert_refused(lfobench_command("data", "ls", "--tasks", "pan-*"), "Unknown task 'pan-*'")
+
+
+def test_a_damaged_note_is_shown_and_can_be_forgotten(suite: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
+    lfobench_command("data", "download", suite)
+    note = tmp_path / "cache" / "files" / "there" / "pole-random-v0.json"
+    note.write_text("{")
+    rows = listed(lfobench_command, suite)
+    assert "is damaged" in str(rows["pole-random-v0"]["problem"]) and rows["pole-expert-v0"]["problem"] is None
+    assert lfobench_command("data", "rm", suite, "--yes").out == "Forgot 2 files, deleted 2.\n"
+    assert not note.exists()
+
+
+def test_own_files_are_not_held_to_a_hash(suite: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
+    own = suite.read_text().replace(
+        'Files(there("random"), there("expert"))', f'Files(own_file("{tmp_path}/mine.hdf5"))'
+    )
+    suite.write_text(own.replace(', there("expert")', ""))
+    assert lfobench_command("data", "verify", suite).out.startswith("Nothing to verify: these files are your own")
+
+
+def test_a_name_that_cannot_be_written_down_is_refused(tmp_path: Path, lfobench_command: InProcess) -> None:
+    for name in ("l\udce9.hdf5", "\x1b[31m.hdf5"):
+        refused = lfobench_command("data", "build", "locomotion", "--source", f"offline={tmp_path / name}")
+        assert_refused(refused, "cannot be written down")
+        assert "\x1b" not in refused.err
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may look anywhere")
+def test_a_folder_that_may_not_be_entered(tmp_path: Path, lfobench_command: InProcess) -> None:
+    (tmp_path / "closed").mkdir(mode=0)
+    path = tmp_path / "closed" / "file.hdf5"
+    assert_refused(lfobench_command("data", "doctor", path), f"Cannot look at {path}: Permission denied")

@@ -106,7 +106,9 @@ def test_files_that_are_not_here_can_be_planned_and_are_named_once(suite: Suite)
 
 
 def test_a_task_that_a_source_does_not_have(suite: Suite) -> None:
-    with pytest.raises(UserError, match=f"Task '{suite.tasks[1].name}' has no source 'there'. It has: generated."):
+    first, second = (task.name for task in suite.tasks[:2])
+    said = f"Task '{second}' has no source 'there', only generated. Choose those that have it: --tasks {first}"
+    with pytest.raises(UserError, match=said):
         read_from(suite.tasks, "there", None, here)
 
 
