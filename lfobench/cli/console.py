@@ -10,6 +10,9 @@ from rich.console import Console
 output = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
+INTERRUPTED = 130
+"""Exit code of what the user stopped."""
+
 
 def print_json(value: Any) -> None:
     """`value` as JSON on standard output, for scripts."""

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from lfobench.cli import data_files, data_listing, options
-from lfobench.cli.console import output, print_json
+from lfobench.cli.console import INTERRUPTED, output, print_json
 from lfobench.cli.doctor import doctor
 
 app = typer.Typer(name="data", help="Datasets: what is needed and here, fetch, check, build.", no_args_is_help=True)
@@ -45,7 +45,7 @@ def build(
         execution.build_data(shards, workers or available_cores(), stop)
     if stop():
         output.print("Stopped. The same command continues from here.")
-        raise typer.Exit(execution.INTERRUPTED)
+        raise typer.Exit(INTERRUPTED)
     asked.check_files()
     if not shards:
         output.print("Nothing to build: every shard is there.")

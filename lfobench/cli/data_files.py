@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from lfobench.cli import options
-from lfobench.cli.console import errors, one_line, output
+from lfobench.cli.console import INTERRUPTED, errors, one_line, output
 
 if TYPE_CHECKING:
     from lfobench.data.fetching import Wanted
@@ -48,8 +50,9 @@ def download(
         return
     if from_folder is not None and not (from_folder := from_folder.expanduser()).is_dir():
         raise UserError(f"No folder {from_folder}.", "Name another with --from.")
-    absent, refused = [], []
-    with display(quiet=False) as shown:
+    absent: list[str] = []
+    refused: list[UserError] = []
+    with display(quiet=False) as shown, _stop_told():
         for number, each in enumerate(wanted, start=1):
             name = each.file.name
             bar = shown.bars.add_task(name, total=None, count=f"{number}/{len(wanted)}", note="")
@@ -76,6 +79,15 @@ def download(
             errors.print(one_line(str(other)), soft_wrap=True)
         raise refused[0]
     raise typer.Exit(1 if absent else 0)
+
+
+@contextmanager
+def _stop_told() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        errors.print("Stopped. The same command continues where it broke off.")
+        raise typer.Exit(INTERRUPTED) from stop
 
 
 def verify(suite: SuiteArgument, tasks: options.Tasks = None, source: AnySource = None) -> None:

@@ -12,7 +12,7 @@ from types import FrameType
 from rich.markup import escape
 
 from lfobench.cli.agenda import Agenda, Forecast
-from lfobench.cli.console import errors
+from lfobench.cli.console import INTERRUPTED, errors
 from lfobench.cli.inputs import warn
 from lfobench.cli.progress import JobLine, OverallLine, display
 from lfobench.contract.record import Warning
@@ -20,6 +20,7 @@ from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
 from lfobench.data.remarks import check_parts, remarks
 from lfobench.data.source import load_task
+from lfobench.data.words import counted
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.executors import lanes, local, pool
@@ -30,8 +31,6 @@ from lfobench.plan.parts import build_command
 from lfobench.plan.sources import check_here, spelled
 from lfobench.store.failures import write_failure
 from lfobench.store.folder import RecordFolder
-
-INTERRUPTED = 130
 
 
 @dataclass
@@ -172,7 +171,7 @@ def build_data(shards: Sequence[ShardJob | ImportJob], workers: int, stop: StopR
             if stop():
                 return
     if not quiet:
-        errors.print(f"Built {len(shards)} shards.")
+        errors.print(f"Built {counted(len(shards), 'shard', 'shards')}.")
 
 
 def _train(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, said: Said, quiet: bool) -> Tally:

@@ -13,6 +13,7 @@ from rich.table import Table
 from lfobench.cli.agenda import Agenda, Forecast, Needs
 from lfobench.cli.console import duration, output
 from lfobench.cli.inputs import warn
+from lfobench.data.words import counted
 from lfobench.plan.protocol import Protocol
 from lfobench.plan.sources import absent_files
 
@@ -46,7 +47,8 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     output.print(f"device    {plan.device}{_arrangement(agenda)}")
     output.print(f"records   {escape(str(out))}", soft_wrap=True)
     if agenda.shards:
-        output.print(f"data      {len(agenda.shards)} shards to build into {escape(str(agenda.cache))}", soft_wrap=True)
+        shards = counted(len(agenda.shards), "shard", "shards")
+        output.print(f"data      {shards} to build into {escape(str(agenda.cache))}", soft_wrap=True)
     if any(task.read_from is not None for task in plan.tasks):
         evaluated = ", ".join(dict.fromkeys(task.environment.id.rpartition(":")[2] for task in plan.tasks))
         output.print(f"source    {plan.cells[0].source}, evaluated on {escape(evaluated)}", soft_wrap=True)
@@ -63,7 +65,7 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
 
 def _lacking(needs: Needs) -> str:
     counts = (("shard", needs.shards), ("file", len(needs.files)))
-    return ", ".join(f"{count} {what}{'s' if count > 1 else ''}" for what, count in counts if count)
+    return ", ".join(counted(count, what, f"{what}s") for what, count in counts if count)
 
 
 def _budget(protocol: Protocol) -> str:

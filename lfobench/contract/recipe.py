@@ -35,7 +35,8 @@ class Recipe:
     def words(self) -> tuple[str, str]:
         """The offline part, and what of the expert joins it."""
         offline = f"{self.offline_transitions:,} {self.offline} transitions"
-        return offline, f"{self.expert_trajectories} {self.expert} trajectories"
+        plural = "y" if self.expert_trajectories == 1 else "ies"
+        return offline, f"{self.expert_trajectories} {self.expert} trajector{plural}"
 
 
 @dataclass(frozen=True)

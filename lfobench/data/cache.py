@@ -21,7 +21,7 @@ from lfobench.contract.episodes import Episodes
 from lfobench.data.shard import ARRAYS, Arrays, Shard, open_shard, read_into, reserve
 from lfobench.errors import UserError
 from lfobench.files import replacing
-from lfobench.plan.file_parts import FilePart
+from lfobench.plan.file_parts import MOST_OF_A_NAME, FilePart
 from lfobench.plan.parts import Part
 
 GENERATED, IMPORTED = "generated", "imported"
@@ -169,7 +169,7 @@ class PartCache:
 
 def forget_imports(root: Path, name: str, sha256: str) -> None:
     """Delete the shards that were made of a file, whichever of its columns and horizons they hold."""
-    for folder in (root / IMPORTED).glob(f"{glob.escape(name)}-*"):
+    for folder in (root / IMPORTED).glob(f"{glob.escape(name[:MOST_OF_A_NAME])}-*"):
         with suppress(SafetensorError, OSError, ValueError, KeyError):
             made_of = json.loads(open_shard(folder / "00000.safetensors").metadata["specification"])["sha256"]
             if made_of == sha256:

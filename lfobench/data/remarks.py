@@ -10,6 +10,7 @@ from lfobench.contract.record import Warning
 from lfobench.contract.suite import Recipe, TrajectoryRecipe
 from lfobench.data import boundaries
 from lfobench.data.source import TaskData
+from lfobench.data.words import counted
 from lfobench.errors import UserError
 
 FEWEST_TRIPLES = 2
@@ -31,8 +32,8 @@ def check_parts(data: TaskData) -> None:
         triples = boundaries.released_triples(boundaries.released_transitions(episodes))
         if file is not None and len(triples) < FEWEST_TRIPLES:
             raise UserError(
-                f"Nothing can be learned from the data file {file.path}: of its {episodes.transitions:,} rows, "
-                f"{len(triples)} have two successors in their episode.",
+                f"Nothing can be learned from the data file {file.path}: of its "
+                f"{counted(episodes.transitions, 'row', 'rows')}, {len(triples)} have two successors in their episode.",
                 "Name another file; 'lfobench data doctor' says how this one is cut.",
             )
 
@@ -47,10 +48,10 @@ def remarks(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
 
 def _short(data: TaskData, recipe: Recipe, needs: DataNeeds) -> Iterator[Warning]:
     if needs.boundary == "released" and not data.released_expert_rows:
+        episodes = counted(len(data.expert.lengths), "episode", "episodes")
         yield Warning(
-            what=f"The expert part of {data.task.name} has {len(data.expert.lengths)} episodes and does not reach "
-            f"{recipe.expert_trajectories} trajectories by the released count, so none of it is mixed into the offline "
-            "data.",
+            what=f"The expert part of {data.task.name} has {episodes} and does not reach {recipe.expert_trajectories} "
+            "trajectories by the released count, so none of it is mixed into the offline data.",
             remedy="Take a task of fewer expert trajectories, or a longer expert part.",
         )
     for part, have, wanted in (

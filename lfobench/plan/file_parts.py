@@ -12,6 +12,9 @@ from lfobench.contract.record import content_hash
 READERS = 1
 """Grows whenever a reader makes other episodes of the same file."""
 
+MOST_OF_A_NAME = 100
+"""Characters; file systems take 255 with the rest."""
+
 
 @dataclass(frozen=True)
 class FilePart:
@@ -51,7 +54,7 @@ class FilePart:
     @property
     def folder(self) -> str:
         """Folder name in the cache, e.g. ``hopper-random-v2-1a2b3c4d5e``."""
-        return f"{self.name}-{self.hash[:10]}"
+        return f"{self.name[:MOST_OF_A_NAME]}-{self.hash[:10]}"
 
     def shards_for(self, transitions: int | None) -> int:
         """A file is one shard, however much of it is read."""

@@ -57,7 +57,10 @@ def _own(text: str) -> Files:
     for pair in split_names(text):
         part, _, path = pair.partition("=")
         if part not in PARTS or not path:
-            raise UserError(f"--source {text}: '{pair}' is not a part and its path.", "Write offline=PATH,expert=PATH.")
+            raise UserError(
+                f"--source {text}: '{pair}' is not a part and its path.",
+                "Write offline=PATH,expert=PATH. To a path with a comma in it, make a link.",
+            )
         if part in parts:
             raise UserError(f"--source names the {part} part twice.", "Name each part once.")
         try:

@@ -77,9 +77,10 @@ def _mixed(records: Sequence[Record]) -> str:
         found = sorted({_there(record, field) for record in records})
         return " or ".join(f"{there:,}{_of_recipe(there, wanted)}" for there, wanted in found)
 
+    mixed = values("expert_trajectories")
     return (
         f"Offline data: {values('offline_transitions')} transitions and, with their actions, "
-        f"{values('expert_trajectories')} expert trajectories. "
+        f"{mixed} expert trajector{'y' if mixed == '1' else 'ies'}. "
         f"Expert data: {values('demonstration_rows')} rows, observations only."
     )
 

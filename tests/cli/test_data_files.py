@@ -215,11 +215,11 @@ def test_what_files_lack_is_said_before_anything_trains(
     lonely = lfobench_command(*run, "--source", f"{offline},expert={tmp_path / 'one.hdf5'}")
     assert lonely.code == 0
     said = lonely.err.index(
-        "has 1 episodes and does not reach 2 trajectories by the released count, so none of it is mixed"
+        "has 1 episode and does not reach 2 trajectories by the released count, so none of it is mixed"
     )
     assert said < lonely.err.index("seed 0: score") and lonely.err.count("by the released count") == 1
     empty = lfobench_command(*run, "--source", f"{offline},expert={tmp_path / 'row.hdf5'}")
-    assert empty.code == 2 and "of its 1 rows, 0 have two successors in their episode" in empty.err
+    assert empty.code == 2 and "of its 1 row, 0 have two successors in their episode" in empty.err
 
 
 def test_a_suite_without_files(lfobench_command: InProcess) -> None:

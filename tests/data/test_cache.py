@@ -69,6 +69,13 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert [path.name for path in store.folder.iterdir()] == [store.path(4).name]
 
 
+def test_whoever_may_read_other_files_may_read_a_shard(tmp_path: Path) -> None:
+    store, other = PartCache(tmp_path, part()), tmp_path / "other"
+    store.write(0, make_episodes([(3, True)]))
+    other.touch()
+    assert store.path(0).stat().st_mode == other.stat().st_mode
+
+
 def test_the_declared_fingerprint_is_the_one_that_loading_finds(cache: PartCache) -> None:
     _, found = cache.load(SHARD + 1, REBUILD)
     assert cache.declared_fingerprint(SHARD + 1) == found
