@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import shutil
 import threading
 from collections.abc import Iterator
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -204,6 +205,19 @@ def test_own_files_in_a_suite_file_and_on_the_command_line(
     page = tmp_path / "page.hdf5"
     page.write_text("<html>")
     assert_refused(lfobench_command(*run, "--source", f"offline={page},expert={expert}"), "it is a web page")
+
+
+def test_the_documented_suite_of_own_data(
+    tmp_path: Path, lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LFOBENCH_CACHE", str(tmp_path / "cache"))
+    suite = shutil.copy(Path(__file__).parents[2] / "docs" / "own_data.py", tmp_path)
+    write_d4rl(tmp_path / "mine.hdf5", make_episodes([50] * 20, [True] * 20, 11, 3))
+    write_d4rl(tmp_path / "theirs.hdf5", make_episodes([60] * 31, [True] * 31, 11, 3))
+    assert lfobench_command("data", "build", suite).code == 0
+    shown = " ".join(lfobench_command("show", "hopper-mine-expert", "--suite", suite).out.split())
+    assert "recipe (quick): 200,000 mine transitions + 30 expert trajectories" in shown
+    assert "offline mix: 2,798 transitions, 1,799 of them expert, with actions" in shown
 
 
 def test_what_files_lack_is_said_before_anything_trains(

@@ -24,7 +24,7 @@ def test_a_file_is_described(file: Path, lfobench_command: InProcess) -> None:
     assert "small.hdf5: d4rl layout, 20 transitions in 3 episodes of 4 to 9 (median 7) steps" in text
     assert "(1 terminated, 2 cut by time); 4 observations, 2 actions; return" in text
     assert "released pairs" in text and "exact triples" in text
-    assert "caution 1 episodes were cut by time before the horizon of 9 steps." in text
+    assert "caution 1 episode was cut by time before the horizon of 9 steps." in text
 
 
 def test_json_and_picture(file: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
@@ -41,7 +41,7 @@ def test_what_cannot_be_trained_on_exits_with_1(file: Path, lfobench_command: In
         opened["actions"][3] = np.nan
     outcome = lfobench_command("data", "doctor", file)
     assert outcome.code == 1
-    assert "problem  1 rows of actions have a NaN or an infinity." in outcome.out
+    assert "problem  1 row of actions has a NaN or an infinity." in outcome.out
 
 
 def test_what_is_no_data_is_refused(tmp_path: Path, lfobench_command: InProcess) -> None:

@@ -1,0 +1,31 @@
+"""Your own data as a suite: ``lfobench run --suite docs/own_data.py --methods dilo,smodice,bc``.
+
+Two files beside this one, in the layout of D4RL, Minari or robomimic. The recipe takes all of `mine.hdf5`, the first 30
+trajectories of `theirs.hdf5` with their actions (by the published walk, which needs a 31st), and the first 1000 rows of
+those as the demonstration.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lfobench.contract.suite import Environment, Files, Recipe, Suite, Task, own_file
+
+HERE = Path(__file__).resolve().parent
+
+SUITE = Suite(
+    name="own-data",
+    summary="hopper from my own files",
+    tasks=(
+        Task(
+            name="hopper-mine-expert",
+            group="mine+expert",
+            # Name, id, steps per episode, and the returns that score 0 and 100.
+            environment=Environment("hopper", "Hopper-v5", 1000, -20.272305, 3234.3),
+            recipe=Recipe("mine", 1_000_000, "expert", expert_trajectories=30, demonstration_rows=1000),
+            paper_steps=300_000,
+            files={"mine": Files(own_file(HERE / "mine.hdf5"), own_file(HERE / "theirs.hdf5"))},
+        ),
+    ),
+    demonstrator=None,
+)
