@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -26,38 +26,55 @@ def make_card(
     environment: Environment,
     level: Level,
     weights: bytes,
-    teacher: Teacher,
-    settings: Settings,
     command: str,
+    method: str,
+    settings: Mapping[str, Any],
+    origin: Mapping[str, Any],
+    libraries: Sequence[str] = LIBRARIES,
     episodes: int = 100,
 ) -> dict[str, Any]:
-    """Everything a reader needs to trust or remake the weights; student and teacher are measured here.
+    """Everything a reader needs to trust or remake the weights, which are measured here.
 
     Args:
-        environment: where the levels are measured.
+        environment: where the level is measured.
         level: what the weights are to be.
         weights: the weight file's bytes.
-        teacher: what they were distilled from.
-        settings: how.
         command: what makes them again.
+        method: how they were fitted, in a line.
+        settings: of the method, all of them.
+        origin: what they were fitted to, by the field's name on the card.
+        libraries: whose versions decide weights and level.
         episodes: per measurement.
     """
-    student = GaussianTanhPolicy(weights)
     return {
         "environment": dataclasses.asdict(environment),
         "level": level,
         "sha256": hashlib.sha256(weights).hexdigest(),
         "licence": "MIT",
         "made_with": command,
-        "method": "DAgger (arXiv:1011.0686) from the teacher's mean and std to a Gaussian tanh MLP",
-        "settings": dataclasses.asdict(settings),
-        "teacher": {**teacher.provenance, "levels": _levels(environment, teacher, episodes)},
-        "levels": _levels(environment, student, episodes),
-        "versions": {
-            "python": platform.python_version(),
-            **{library: version(library) for library in LIBRARIES},
-        },
+        "method": method,
+        "settings": dict(settings),
+        **origin,
+        "levels": _levels(environment, GaussianTanhPolicy(weights), episodes),
+        "versions": {"python": platform.python_version(), **{library: version(library) for library in libraries}},
     }
+
+
+def make_student_card(
+    environment: Environment,
+    level: Level,
+    weights: bytes,
+    teacher: Teacher,
+    settings: Settings,
+    command: str,
+    libraries: Sequence[str] = LIBRARIES,
+    episodes: int = 100,
+) -> dict[str, Any]:
+    """The card of weights that were distilled from a teacher, which is measured too; see `make_card`."""
+    method = "DAgger (arXiv:1011.0686) from the teacher's mean and std to a Gaussian tanh MLP"
+    origin = {"teacher": {**teacher.provenance, "levels": _levels(environment, teacher, episodes)}}
+    fields = dataclasses.asdict(settings)
+    return make_card(environment, level, weights, command, method, fields, origin, libraries, episodes)
 
 
 def _levels(

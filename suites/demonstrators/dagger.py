@@ -10,7 +10,7 @@ import torch
 
 from lfobench.contract.suite import Environment, FloatArray
 from lfobench.errors import UserError
-from suites.demonstrators.measure import Act, episode, without_noise
+from suites.demonstrators.measure import Act, play, without_noise
 from suites.demonstrators.policy import GaussianTanhPolicy
 from suites.demonstrators.student import Student
 from suites.demonstrators.teacher import Teacher
@@ -101,9 +101,9 @@ def _roll_out(
     returns: list[float] = []
     while len(states) < transitions:
         act = actors[len(returns) % len(actors)]
-        steps = list(episode(environment, act, int(generator.integers(2**31))))
-        states += [state for state, _ in steps]
-        returns.append(sum(reward for _, reward in steps))
+        steps = list(play(environment, act, int(generator.integers(2**31))))
+        states += [step.observation for step in steps]
+        returns.append(sum(step.reward for step in steps))
     return np.stack(states[:transitions]), returns
 
 

@@ -16,7 +16,7 @@ from rich.console import Console
 from lfobench.contract.suite import Environment
 from lfobench.errors import UserError, unknown_name
 from suites.demonstrators import WEIGHTS
-from suites.demonstrators.card import make_card, shortfall
+from suites.demonstrators.card import make_student_card, shortfall
 from suites.demonstrators.dagger import Settings, distil
 from suites.demonstrators.scratch import train_teacher
 from suites.demonstrators.teacher import Teacher, read_teacher
@@ -63,7 +63,7 @@ def main(
             f"python -m suites.demonstrators.distil --environment {environment} --level {level} {origin} "
             f"--seed {seed} --exploration {exploration} --rounds {rounds} --width {width}"
         )
-        card = make_card(body, level, weights, source, settings, command)
+        card = make_student_card(body, level, weights, source, settings, command)
         for name, measured in card["levels"].items():
             console.print(f"{name}: {measured['score_mean']:.1f} ± {measured['score_std']:.1f}")
         missed = shortfall(card)

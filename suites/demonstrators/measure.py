@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lfobench.contract.suite import Environment, FloatArray
 
+Array = NDArray[np.float64]
 Act = Callable[[FloatArray, np.random.Generator], FloatArray]
 
 
@@ -38,24 +41,37 @@ class Measurement:
     length_mean: float
 
 
-def episode(environment: Environment, act: Act, seed: int) -> Iterator[tuple[FloatArray, float]]:
-    """Observation ``[obs]`` and reward of each step of one episode; `seed` fixes the start and the noise."""
+class Step(NamedTuple):
+    """A step of an episode: the observation ``[obs]`` before it, and what the environment said of it."""
+
+    observation: FloatArray
+    reward: float
+    information: dict[str, Any]
+
+
+def play(environment: Environment, act: Act, seed: int) -> Iterator[Step]:
+    """The steps of one episode; `seed` fixes the start and the noise."""
     simulator = environment.make()
     generator = np.random.default_rng(seed)
     observation, _ = simulator.reset(seed=seed)
     done = False
     while not done:
         state = observation.astype(np.float32)
-        observation, reward, terminated, truncated, _ = simulator.step(act(state, generator))
+        observation, reward, terminated, truncated, information = simulator.step(act(state, generator))
         done = terminated or truncated
-        yield state, float(reward)
+        yield Step(state, float(reward), information)
     simulator.close()
+
+
+def returns_and_lengths(environment: Environment, act: Act, episodes: int) -> tuple[Array, Array]:
+    """Undiscounted returns and numbers of steps ``[episodes]``, the k-th episode reset with seed k."""
+    rewards = [[step.reward for step in play(environment, act, seed)] for seed in range(episodes)]
+    return np.array([sum(series) for series in rewards]), np.array([float(len(series)) for series in rewards])
 
 
 def measure(environment: Environment, act: Act, episodes: int = 100) -> Measurement:
     """The level of a policy, given as a function of one observation ``[obs]`` and a generator."""
-    rewards = [[reward for _, reward in episode(environment, act, seed)] for seed in range(episodes)]
-    returns = np.array([sum(series) for series in rewards])
+    returns, lengths = returns_and_lengths(environment, act, episodes)
     scores = np.array([environment.normalized_score(value) for value in returns])
     return Measurement(
         episodes=episodes,
@@ -63,5 +79,38 @@ def measure(environment: Environment, act: Act, episodes: int = 100) -> Measurem
         return_std=float(returns.std()),
         score_mean=float(scores.mean()),
         score_std=float(scores.std()),
-        length_mean=float(np.mean([len(series) for series in rewards])),
+        length_mean=float(lengths.mean()),
     )
+
+
+def standard_error(values: Array) -> float:
+    """Of the mean of independent values ``[E]``; NaN for a single one."""
+    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Of episodes that begin alike, under one condition and under another.
+
+    Attributes:
+        mean: of the first condition less the second.
+        error: standard error of `mean`, from the differences episode by episode.
+        unpaired_error: the same as if no episode of one had to do with one of the other.
+        median_size: median of the differences' absolute values.
+    """
+
+    mean: float
+    error: float
+    unpaired_error: float
+    median_size: float
+
+    @classmethod
+    def between(cls, one: Array, other: Array) -> Difference:
+        """Of values ``[E]``, the k-th of both from the same start."""
+        differences = one - other
+        return cls(
+            mean=float(differences.mean()),
+            error=standard_error(differences),
+            unpaired_error=float(np.hypot(standard_error(one), standard_error(other))),
+            median_size=float(np.median(np.abs(differences))),
+        )

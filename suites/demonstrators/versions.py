@@ -14,28 +14,29 @@ import numpy as np
 
 from lfobench.contract.suite import Environment
 from suites.demonstrators import load
-from suites.demonstrators.measure import Measurement, measure
+from suites.demonstrators.measure import Array, Difference, returns_and_lengths
 from suites.locomotion import ENVIRONMENTS, on_version_4
 
 
-def level_on(environment: Environment, level: str, episodes: int) -> Measurement:
-    """The level of a demonstrator in an environment, its actions sampled."""
-    return measure(environment, load(environment.name, level).act, episodes)
+def scores_on(environment: Environment, level: str, episodes: int) -> Array:
+    """Of a demonstrator in an environment, its actions sampled, ``[episodes]``."""
+    returns, _ = returns_and_lengths(environment, load(environment.name, level).act, episodes)
+    return np.array([environment.normalized_score(value) for value in returns])
 
 
 def main() -> None:
-    """Print one line per body and level."""
+    """Print one line per body and level; the score's ± is its std, the difference's a standard error."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--episodes", type=int, default=20)
     episodes: int = parser.parse_args().episodes
-    sys.stdout.write("body         level    score on -v4     score on -v5     difference (standard error)\n")
+    sys.stdout.write("body         level    score on -v4     score on -v5     difference (error if unpaired)\n")
     for environment in ENVIRONMENTS:
         for level in ("medium", "expert"):
-            four, five = (level_on(each, level, episodes) for each in (on_version_4(environment), environment))
-            difference = four.score_mean - five.score_mean
-            error = float(np.hypot(four.score_std, five.score_std)) / max(episodes - 1, 1) ** 0.5
-            scores = "   ".join(f"{each.score_mean:6.1f} ± {each.score_std:5.1f}" for each in (four, five))
-            sys.stdout.write(f"{environment.name:12} {level:8} {scores}   {difference:+6.1f} ({error:.1f})\n")
+            four, five = (scores_on(each, level, episodes) for each in (on_version_4(environment), environment))
+            apart = Difference.between(four, five)
+            scores = "   ".join(f"{each.mean():6.1f} ± {each.std():5.1f}" for each in (four, five))
+            difference = f"{apart.mean:+6.2f} ± {apart.error:.2f} ({apart.unpaired_error:.1f})"
+            sys.stdout.write(f"{environment.name:12} {level:8} {scores}   {difference}\n")
             sys.stdout.flush()
 
 

@@ -8,6 +8,9 @@ from __future__ import annotations
 HORIZONS = {"pen": 100, "door": 200, "hammer": 200}
 """Steps of an episode, per environment (methods.md 2.3)."""
 
+LASTING = {"pen": 20, "door": 25, "hammer": 25}
+"""An episode succeeds in D4RL's own account, ``evaluate_success``, if more of its steps than these are successful."""
+
 
 def identifier(environment: str) -> str:
     """``pen`` to what `Environment.id` takes."""

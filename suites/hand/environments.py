@@ -34,6 +34,7 @@ class HandEnvironment(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
         """One control step of 5 physics steps."""
+        # Its reward and end are replaced, and it never truncates: the time limit around this environment does.
         observation, _, _, _, information = self.env.step(action)
         reward, terminated = self._judge(self.unwrapped)
         return observation, reward, terminated, False, {"success": bool(information["success"])}

@@ -1,4 +1,8 @@
-"""Data of two policies, half and half, as D4RL's cloned sets are demonstrations and rollouts of their clone."""
+"""Data of two policies, half and half, as D4RL's cloned sets are demonstrations and rollouts of their clone.
+
+D4RL repeats the 25 demonstrations that its clone was fitted to until they fill their half. Here each policy goes on
+acting: no episode comes twice, and those that the clone was fitted to are not among them.
+"""
 
 from __future__ import annotations
 

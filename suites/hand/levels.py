@@ -1,7 +1,8 @@
 """Who makes the generated data of pen, door and hammer, level by level.
 
 ``expert`` was distilled from the policies behind D4RL's expert sets; ``scripted`` stands in for people; ``cloned`` is
-half ``scripted`` and half a clone of it. Weights and their cards lie in ``weights/``; ``distil.py`` makes them.
+half ``scripted``, all of it new demonstrations, and half a clone of it. Weights and their cards lie in ``weights/``;
+``distil.py`` makes them.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from suites.hand.scripted import Manner, Scripted
 WEIGHTS = Path(__file__).parent / "weights"
 LEVELS = ("scripted", "cloned", "expert")
 
-# Chosen so that door's return and success are about those of the human demonstrations behind D4RL's door-human: a
-# return of 794, a score of 29, success in 0.32 of them. What those of pen and hammer reach is not known here; their
-# stand-ins score 30 to 45.
+# Chosen so that door's return and success are about those of the human demonstrations behind D4RL's door-human where
+# these are played whole, for 223 to 300 steps: a return of 794, a score of 29, success in 0.32 of them. But scripted
+# episodes end at 200 steps; within those the demonstrations return 170, success in 0.28, so the stand-in is the better.
+# What people reach with pen and hammer is not known here; their stand-ins score 30 to 45.
 MANNERS = {
     "pen": Manner(lag=16, tremor=0.4, tremor_time=8, pause_every=60, pause=10, detour_every=80, detour=5),
     "door": Manner(lag=13, tremor=0.07, tremor_time=8, pause_every=100, pause=5, detour_every=300, detour=4),

@@ -1,7 +1,8 @@
 """How true the environments are, and who acts in them how well: ``python -m suites.hand.measure --data FOLDER``.
 
 The folder holds rollouts ``{pen,door,hammer}-external-expert.hdf5`` of the policies ``policies/*-dapg.npz``, and
-``door-human-dapg.hdf5``. Without it, only this project's own policies are measured.
+``door-human-dapg.hdf5``. Without it, only this project's own policies are measured. Every ± is a standard error; a
+success is lasting if D4RL's own account has it (`LASTING`).
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lfobench.contract.suite import Environment
 from suites.adroit import ENVIRONMENTS
-from suites.demonstrators.measure import without_noise
+from suites.demonstrators.measure import Difference, without_noise
 from suites.demonstrators.teacher import read_teacher
 from suites.hand import HORIZONS
 from suites.hand.levels import LEVELS, demonstrator
@@ -23,14 +25,9 @@ from suites.hand.replay import FIRST_SEED, Played, act_out, open_loop, recorded,
 
 def against_files(data: Path, episodes: int) -> Iterator[str]:
     """Teachers here and in their files, from the same starts; then the files' steps, and the human demonstrations."""
-    yield "teachers, mean action"
-    for name in HORIZONS:
-        teacher = read_teacher(data / "policies" / f"{name}-dapg.npz")
-        here = act_out(name, without_noise(teacher.mean_action), range(FIRST_SEED, FIRST_SEED + episodes))
-        there = recorded(_file(data, name))
-        error = np.hypot(here.standard_error, there.standard_error)
-        apart = abs(here.returns.mean() - there.returns.mean()) / error
-        yield f"  {name:8}here {_words(here)}; file {_words(there)}; {apart:.2f} standard errors apart"
+    yield "teachers, mean action; difference here less file, paired by start"
+    for environment in ENVIRONMENTS:
+        yield from _teacher(data, environment, episodes)
     yield "steps from their stored states: difference of rewards and of next observations, median and 99 %"
     for name, horizon in HORIZONS.items():
         for part, steps in (("first", 1), ("all", horizon)):
@@ -39,9 +36,23 @@ def against_files(data: Path, episodes: int) -> Iterator[str]:
             yield f"  {name:8}{part:6}{reward[0]:.1e}, {reward[1]:.1e}; {observation[0]:.1e}, {observation[1]:.1e}"
     human = data / "door-human-dapg.hdf5"
     yield "human demonstrations of door, open loop from their stored states"
-    there = recorded(human)
-    here = open_loop(human, range(len(there.returns)))
-    yield f"  here {_words(here)}; file {there.returns.mean():.1f}"
+    there = recorded("door", human)
+    every = range(len(there.returns))
+    yield f"  whole: here {_words(open_loop(human, every))}; file {there.returns.mean():.1f}"
+    yield f"  first {HORIZONS['door']} steps: here {_words(open_loop(human, every, HORIZONS['door']))}"
+
+
+def _teacher(data: Path, environment: Environment, episodes: int) -> Iterator[str]:
+    name = environment.name
+    there = recorded(name, _file(data, name)).first(episodes)
+    act = without_noise(read_teacher(data / "policies" / f"{name}-dapg.npz").mean_action)
+    here = act_out(environment, act, range(FIRST_SEED, FIRST_SEED + len(there.returns)))
+    apart = Difference.between(here.returns, there.returns)
+    yield f"  {name:8}here {_words(here)}; file {_words(there)}"
+    yield (
+        f"  {'':8}difference {apart.mean:+.2f} ± {apart.error:.2f}, median size {apart.median_size:.2g}; "
+        f"{abs(apart.mean) / apart.unpaired_error:.2f} standard errors apart if unpaired"
+    )
 
 
 def _file(data: Path, name: str) -> Path:
@@ -49,24 +60,26 @@ def _file(data: Path, name: str) -> Path:
 
 
 def _words(played: Played) -> str:
-    return f"{played.returns.mean():.1f} ± {played.standard_error:.1f}, success {played.success:.2f}"
+    success = f"success {played.success:.3f}, lasting {played.lasting_success:.3f}"
+    return f"{played.returns.mean():.1f} ± {played.standard_error:.1f}, {success}"
 
 
 def own(episodes: int) -> Iterator[str]:
     """The policies behind the generated data, as they make it."""
-    yield "generated levels: return, its standard error, score"
+    yield f"generated levels, {episodes} episodes: return, success, score"
     for environment in ENVIRONMENTS:
         for level in LEVELS:
-            played = act_out(environment.name, demonstrator(environment.name, level).act, range(episodes))
+            played = act_out(environment, demonstrator(environment.name, level).act, range(episodes))
             score = environment.normalized_score(float(played.returns.mean()))
-            yield f"  {environment.name:8}{level:10}{_words(played)}, score {score:.1f}"
+            error = 100.0 * played.standard_error / (environment.expert_return - environment.random_return)
+            yield f"  {environment.name:8}{level:10}{_words(played)}, score {score:.1f} ± {error:.1f}"
 
 
 def main() -> None:
     """Print everything."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, help="folder of the external files")
-    parser.add_argument("--episodes", type=int, default=40, help="per policy")
+    parser.add_argument("--episodes", type=int, default=40, help="per policy; of a file, at most what it has")
     arguments = parser.parse_args()
     sections = [own(arguments.episodes)]
     if arguments.data is not None:

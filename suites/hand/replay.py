@@ -15,10 +15,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from suites.demonstrators.measure import Act
-from suites.hand import identifier
-
-Array = NDArray[np.float64]
+from lfobench.contract.suite import Environment
+from suites.demonstrators.measure import Act, Array, play, standard_error
+from suites.hand import LASTING, identifier
 
 FIRST_SEED = 30_000
 """Of the reset of the files' first episode; the next is one more."""
@@ -31,50 +30,53 @@ class Played:
     """Episodes.
 
     Attributes:
+        environment: its short name.
         returns: ``[E]``.
-        successful_steps: ``[E]``; an episode succeeds that has one, as in the files' own account.
+        successful_steps: ``[E]``.
     """
 
+    environment: str
     returns: Array
     successful_steps: NDArray[np.int64]
 
+    def first(self, episodes: int) -> Played:
+        """The first of them, or all where there are fewer."""
+        return Played(self.environment, self.returns[:episodes], self.successful_steps[:episodes])
+
     @property
     def success(self) -> float:
-        """Share of episodes that succeeded."""
+        """Share of episodes with a successful step, as in the files' own account."""
         return float((self.successful_steps > 0).mean())
+
+    @property
+    def lasting_success(self) -> float:
+        """Share of episodes that succeed in D4RL's own account; see `LASTING`."""
+        return float((self.successful_steps > LASTING[self.environment]).mean())
 
     @property
     def standard_error(self) -> float:
         """Of the mean return."""
-        return float(self.returns.std(ddof=1) / np.sqrt(len(self.returns)))
+        return standard_error(self.returns)
 
 
-def act_out(environment: str, act: Act, seeds: range) -> Played:
+def act_out(environment: Environment, act: Act, seeds: range) -> Played:
     """One episode per seed, which decides its start and the policy's noise."""
-    simulator = gymnasium.make(identifier(environment))
     returns, successes = np.zeros(len(seeds)), np.zeros(len(seeds), np.int64)
-    for episode, seed in enumerate(seeds):
-        generator = np.random.default_rng(seed)
-        observation, _ = simulator.reset(seed=seed)
-        over = False
-        while not over:
-            action = act(observation.astype(np.float32), generator)
-            observation, reward, terminated, truncated, information = simulator.step(action)
-            returns[episode] += float(reward)
-            successes[episode] += information["success"]
-            over = terminated or truncated
-    simulator.close()
-    return Played(returns, successes)
+    for place, seed in enumerate(seeds):
+        for step in play(environment, act, seed):
+            returns[place] += step.reward
+            successes[place] += step.information["success"]
+    return Played(environment.name, returns, successes)
 
 
-def recorded(file: Path) -> Played:
-    """What a file says of its own episodes."""
+def recorded(environment: str, file: Path) -> Played:
+    """What a file says of its own episodes; one that tells no success is taken to have none."""
     with h5py.File(file) as root:
         ends = np.flatnonzero(root["terminals"][:] | root["timeouts"][:])
         starts = np.concatenate(([0], ends[:-1] + 1))
         rewards = root["rewards"][:].astype(np.float64)
         successes = root["infos/success"][:] if "success" in root["infos"] else np.zeros(len(rewards), np.bool_)
-    return Played(np.add.reduceat(rewards, starts), np.add.reduceat(successes.astype(np.int64), starts))
+    return Played(environment, np.add.reduceat(rewards, starts), np.add.reduceat(successes.astype(np.int64), starts))
 
 
 def step_by_step(environment: str, file: Path, episodes: range, steps: int) -> tuple[Array, Array]:
@@ -106,8 +108,14 @@ def step_by_step(environment: str, file: Path, episodes: range, steps: int) -> t
     return np.array(of_reward), np.array(of_observation)
 
 
-def open_loop(file: Path, episodes: range) -> Played:
-    """Human demonstrations of door, their actions clipped to [-1, 1], each from its stored start."""
+def open_loop(file: Path, episodes: range, steps: int = LONGEST) -> Played:
+    """Human demonstrations of door, their actions clipped to [-1, 1], each from its stored start.
+
+    Args:
+        file: in which they are.
+        episodes: which of them.
+        steps: of each, from its first on.
+    """
     simulator = gymnasium.make(identifier("door"), max_episode_steps=LONGEST)
     inner: Any = simulator.unwrapped
     returns, successes = np.zeros(len(episodes)), np.zeros(len(episodes), np.int64)
@@ -118,9 +126,10 @@ def open_loop(file: Path, episodes: range) -> Played:
             simulator.reset(seed=episode)
             names = ("qpos", "qvel", "door_body_pos")
             inner.set_env_state({name: root[f"infos/init_{name}"][episode] for name in names})
-            for action in np.clip(root["actions"][starts[episode] : stops[episode]], -1.0, 1.0):
+            actions = root["actions"][starts[episode] : stops[episode]]
+            for action in np.clip(actions[:steps], -1.0, 1.0):
                 _, reward, _, _, information = simulator.step(action)
                 returns[place] += float(reward)
                 successes[place] += information["success"]
     simulator.close()
-    return Played(returns, successes)
+    return Played("door", returns, successes)

@@ -11,7 +11,7 @@ import gymnasium
 import h5py
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from lfobench.errors import UserError
@@ -70,10 +70,58 @@ def test_a_dropped_pen_ends_the_episode() -> None:
 @given(position, position, st.floats(-0.1, 1.57), st.floats(0, 30))
 @settings(max_examples=50)
 def test_a_nearer_palm_is_better(palm, object_, hinge, speed) -> None:
+    assume(np.linalg.norm(palm - object_) > 1e-6)
     velocities, nearer = np.array([speed, 0.0]), (palm + object_) / 2
-    assert rewards.door(nearer, object_, hinge, velocities) >= rewards.door(palm, object_, hinge, velocities)
+    assert rewards.door(nearer, object_, hinge, velocities) > rewards.door(palm, object_, hinge, velocities)
     one, other = (rewards.hammer(at, object_, object_, palm, palm, velocities) for at in (nearer, palm))
-    assert one >= other
+    assert one > other
+
+
+def reward_of_pen(height: float, away: float, cosine: float) -> float:
+    place, direction = np.array([0.1, 0.2, height]), np.array([0.0, 0.6, 0.8])
+    wanted = cosine * direction + np.sqrt(1 - cosine**2) * np.array([0.0, 0.8, -0.6])
+    return rewards.pen(place, place + away * np.array([0.6, 0.0, 0.8]), direction, wanted)
+
+
+def reward_of_door(hinge: float) -> float:
+    """Palm 0.5 m from the handle, squares of velocities that sum to 2500: costs of 0.05 and 0.025."""
+    return rewards.door(np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.6, 0.3]), hinge, np.array([30.0, -40.0]))
+
+
+def reward_of_hammer(handle_height: float, head_height: float, left: float) -> float:
+    """Palm 0.5 m from the handle, head 0.25 m from the nail, velocities of norm 50: costs of 0.05, 0.25 and 0.5."""
+    palm, handle = np.array([0.3, 0.4, handle_height]), np.array([0.0, 0.0, handle_height])
+    head, nail = np.array([1.0, 0.0, head_height]), np.array([1.0, 0.15, head_height + 0.2])
+    return rewards.hammer(palm, handle, head, nail, nail + left * np.eye(3)[1], np.array([30.0, -40.0]))
+
+
+@pytest.mark.parametrize(
+    ("reward", "arguments", "expected"),
+    [
+        (reward_of_pen, (0.076, 0.05, 0.89), 0.89 - 0.05),
+        (reward_of_pen, (0.076, 0.05, 0.91), 0.91 - 0.05 + 10),
+        (reward_of_pen, (0.076, 0.05, 0.94), 0.94 - 0.05 + 10),
+        (reward_of_pen, (0.076, 0.05, 0.96), 0.96 - 0.05 + 60),
+        (reward_of_pen, (0.076, 0.074, 0.96), 0.96 - 0.074 + 60),
+        (reward_of_pen, (0.076, 0.076, 0.96), 0.96 - 0.076),
+        (reward_of_pen, (0.074, 0.05, 0.96), 0.96 - 0.05 + 60 - 5),
+        (reward_of_door, (0.19,), -0.19044 - 0.075),
+        (reward_of_door, (0.21,), 2 - 0.18496 - 0.075),
+        (reward_of_door, (0.99,), 2 - 0.03364 - 0.075),
+        (reward_of_door, (1.01,), 10 - 0.03136 - 0.075),
+        (reward_of_door, (1.34,), 10 - 0.00529 - 0.075),
+        (reward_of_door, (1.36,), 20 - 0.00441 - 0.075),
+        (reward_of_hammer, (0.041, 0.039, 0.021), -0.8 - 0.21),
+        (reward_of_hammer, (0.039, 0.041, 0.021), -0.8 - 0.21),
+        (reward_of_hammer, (0.041, 0.041, 0.021), 2 - 0.8 - 0.21),
+        (reward_of_hammer, (0.041, 0.041, 0.019), 27 - 0.8 - 0.19),
+        (reward_of_hammer, (0.041, 0.041, 0.011), 27 - 0.8 - 0.11),
+        (reward_of_hammer, (0.041, 0.041, 0.009), 102 - 0.8 - 0.09),
+    ],
+)
+def test_every_term_of_a_reward_is_the_published_one(reward, arguments, expected) -> None:
+    """By hand, no cost at zero, on both sides of every threshold."""
+    assert reward(*arguments) == pytest.approx(expected, abs=1e-12)
 
 
 def test_bonuses_come_at_the_published_thresholds() -> None:
@@ -141,6 +189,10 @@ def test_rewards_are_those_of_the_files() -> None:
 def test_human_demonstrations_open_the_door_as_they_did() -> None:
     """Four of 25; `suites.hand.measure` plays all."""
     file, some = EXTERNAL / "door-human-dapg.hdf5", range(8, 12)
-    played, told = open_loop(file, some), recorded(file)
+    played, told = open_loop(file, some), recorded("door", file)
     np.testing.assert_allclose(played.returns, told.returns[8:12], rtol=0.05)
     assert (played.successful_steps > 0).tolist() == [True, False, False, True]
+    with h5py.File(file) as root:
+        begin = np.flatnonzero(root["timeouts"][:])[10] + 1
+        first = root["rewards"][begin : begin + 200].sum(dtype=np.float64)
+    np.testing.assert_allclose(open_loop(file, range(11, 12), steps=200).returns, first, rtol=0.05)

@@ -22,10 +22,11 @@ from suites.hand.clone import CloneSettings, clone
 from suites.hand.distil import main
 from suites.hand.halves import Halves
 from suites.hand.levels import LEVELS, MANNERS, WEIGHTS, demonstrator, policy
-from suites.hand.replay import act_out
+from suites.hand.replay import Played, act_out
 from suites.hand.scripted import Scripted
 
 SHAPES = {"pen": (45, 24), "door": (39, 28), "hammer": (46, 26)}
+DOOR = next(environment for environment in ENVIRONMENTS if environment.name == "door")
 FILES = [(name, kind) for name in SHAPES for kind in ("expert", "clone")]
 each = pytest.mark.parametrize(("name", "level"), [(name, level) for name in SHAPES for level in LEVELS])
 
@@ -159,10 +160,17 @@ def test_cards_say_what_the_weights_are(name: str, kind: str) -> None:
         assert card["levels"]["sampled"]["score_mean"] < read_card(name, "expert")["levels"]["sampled"]["score_mean"]
 
 
+@pytest.mark.parametrize(("name", "steps"), [("pen", 20), ("door", 25), ("hammer", 25)])
+def test_a_success_that_does_not_last_counts_here_alone(name: str, steps: int) -> None:
+    played = Played(name, np.zeros(4), np.array([0, 1, steps, steps + 1]))
+    assert (played.success, played.lasting_success) == (0.75, 0.25)
+    assert played.first(2).success == 0.5
+
+
 def test_the_levels_are_in_order() -> None:
     """Few episodes of door, whose levels lie far apart."""
-    expert, scripted = (act_out("door", demonstrator("door", level).act, range(6)) for level in ("expert", "scripted"))
-    assert expert.success == 1.0
+    expert, scripted = (act_out(DOOR, demonstrator("door", level).act, range(6)) for level in ("expert", "scripted"))
+    assert expert.success == expert.lasting_success == 1.0
     assert scripted.returns.mean() < 0.6 * expert.returns.mean()
 
 
