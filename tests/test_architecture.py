@@ -11,20 +11,21 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Every room may import itself. `files`, `processes`, `registry` and `errors` are single modules that rooms share.
+# Every room may import itself. Rooms share the single modules `files`, `processes`, `registry`, `errors` and `words`.
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
-    "contract": {"errors"},
+    "words": set(),
+    "contract": {"errors", "words"},
     "files": {"errors"},
     "processes": set(),
     "registry": {"contract", "errors"},
-    "plan": {"contract", "errors", "registry"},
-    "data": {"contract", "plan", "errors", "files", "processes", "registry"},
+    "plan": {"contract", "errors", "registry", "words"},
+    "data": {"contract", "plan", "errors", "files", "processes", "registry", "words"},
     "store": {"contract", "plan", "errors", "files"},
     "engine": {"contract", "plan", "data", "store", "errors", "files", "processes", "registry"},
     "executors": {"contract", "engine", "errors", "processes"},
     "stats": {"contract"},
-    "render": {"contract", "stats", "errors"},
+    "render": {"contract", "stats", "errors", "words"},
     "api": {"contract", "plan", "registry", "store", "stats", "render", "errors", "files"},
     "cli": {
         "api",
@@ -40,6 +41,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "render",
         "stats",
         "store",
+        "words",
     },
 }
 

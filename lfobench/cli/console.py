@@ -7,6 +7,8 @@ from typing import Any
 
 from rich.console import Console
 
+from lfobench.words import harmless
+
 output = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
@@ -23,8 +25,7 @@ def one_line(text: str) -> str:
     """`text` without line breaks, shown as it is written: its brackets are no markup, its control codes do nothing."""
     from rich.markup import escape
 
-    harmless = (letter if letter.isprintable() else ascii(letter)[1:-1] for letter in " ".join(text.splitlines()))
-    return escape("".join(harmless))
+    return escape(harmless(text))
 
 
 def duration(seconds: float) -> str:

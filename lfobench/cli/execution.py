@@ -20,7 +20,6 @@ from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
 from lfobench.data.remarks import check_parts, remarks
 from lfobench.data.source import load_task
-from lfobench.data.words import counted
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.executors import lanes, local, pool
@@ -31,6 +30,7 @@ from lfobench.plan.parts import build_command
 from lfobench.plan.sources import check_here, spelled
 from lfobench.store.failures import write_failure
 from lfobench.store.folder import RecordFolder
+from lfobench.words import counted
 
 
 @dataclass
@@ -171,7 +171,7 @@ def build_data(shards: Sequence[ShardJob | ImportJob], workers: int, stop: StopR
             if stop():
                 return
     if not quiet:
-        errors.print(f"Built {counted(len(shards), 'shard', 'shards')}.")
+        errors.print(f"Built {counted(len(shards), 'shard')}.")
 
 
 def _train(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, said: Said, quiet: bool) -> Tally:

@@ -13,9 +13,9 @@ from rich.table import Table
 from lfobench.cli.agenda import Agenda, Forecast, Needs
 from lfobench.cli.console import duration, output
 from lfobench.cli.inputs import warn
-from lfobench.data.words import counted
 from lfobench.plan.protocol import Protocol
 from lfobench.plan.sources import absent_files
+from lfobench.words import counted
 
 
 def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
@@ -47,7 +47,7 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     output.print(f"device    {plan.device}{_arrangement(agenda)}")
     output.print(f"records   {escape(str(out))}", soft_wrap=True)
     if agenda.shards:
-        shards = counted(len(agenda.shards), "shard", "shards")
+        shards = counted(len(agenda.shards), "shard")
         output.print(f"data      {shards} to build into {escape(str(agenda.cache))}", soft_wrap=True)
     if any(task.read_from is not None for task in plan.tasks):
         evaluated = ", ".join(dict.fromkeys(task.environment.id.rpartition(":")[2] for task in plan.tasks))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lfobench.words import counted
+
 Level = str
 """How well a part of the data was made, in the suite's own words: ``random``, ``medium``, ``expert``, …"""
 
@@ -35,8 +37,8 @@ class Recipe:
     def words(self) -> tuple[str, str]:
         """The offline part, and what of the expert joins it."""
         offline = f"{self.offline_transitions:,} {self.offline} transitions"
-        plural = "y" if self.expert_trajectories == 1 else "ies"
-        return offline, f"{self.expert_trajectories} {self.expert} trajector{plural}"
+        one = f"{self.expert} trajectory"
+        return offline, counted(self.expert_trajectories, one, f"{self.expert} trajectories")
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,10 @@ import requests
 from filelock import FileLock, Timeout
 from pydantic import BaseModel
 
+from lfobench.data.download_errors import NO_ADDRESS, Broken, reason, way_out
 from lfobench.data.isolated import DataFileRefused
 from lfobench.errors import UserError
+from lfobench.words import shown
 
 MIRROR = "LFOBENCH_MIRROR"
 """Environment variable: addresses of folders, separated by commas, that are asked before a file's own addresses."""
@@ -76,10 +78,7 @@ def fetch(name: str, addresses: Sequence[str], target: Path, look: Callable[[Pat
                 return Fetched(target, "")
             return _from_any(name, list(_mirrored(addresses)), target, look, report)
     except OSError as error:
-        raise UserError(
-            f"Cannot write {target}: {error.strerror or error}.",
-            "Free space, or choose another folder with LFOBENCH_CACHE; the same command continues.",
-        ) from error
+        raise UserError(f"Cannot write {target}: {error.strerror or error}.", way_out(error)) from error
 
 
 def fetched(target: Path) -> bool:
@@ -127,7 +126,8 @@ def _from_any(
             tried.append(f"{address}: {failure}")
         except DataFileRefused as refusal:
             _discard(partial)
-            tried.append(f"{address}: {refusal.problem.rstrip('.')}")
+            # What was looked at is gone; the address is where it can be seen again.
+            tried.append(refusal.problem.replace(str(partial), address).rstrip("."))
         else:
             partial.replace(target)
             _discard(partial)
@@ -155,7 +155,9 @@ def _from_one(address: str, partial: Path, report: Report) -> None:
         except requests.RequestException as error:
             # Bytes that were no part of the file are gone by now, and the next attempt begins anew.
             if attempt == ATTEMPTS or 0 < _size(partial) <= before or before == _size(partial) == 0:
-                raise _Failed(_reason(error)) from error
+                raise _Failed(reason(error)) from error
+        except ValueError as error:  # not every place that a host sends us to is one that requests tells of
+            raise _Failed(NO_ADDRESS) from error
         else:
             return
 
@@ -170,17 +172,20 @@ def _attempt(address: str, partial: Path, report: Report) -> None:
             if answer.headers.get("Content-Range", "") == f"bytes */{here}":
                 return
             _discard(partial)
-            raise requests.exceptions.ChunkedEncodingError("the host has another file than before")
+            raise Broken("the host has another file than before")
         if not answer.ok:
-            raise _Failed(f"{answer.status_code} {answer.reason}".strip())
+            raise _Failed(f"{answer.status_code} {shown(answer.reason or '')}".strip())
         continued = answer.status_code == requests.codes.partial_content
-        total = _total(answer, here if continued else 0)
+        # It was not asked for. Lengths and places then count bytes that are decoded before they come here.
+        encoded = answer.headers.get("Content-Encoding", "").strip().lower() not in ("", "identity")
+        total = None if encoded else _total(answer, here if continued else 0)
         place = answer.headers.get("Content-Range", "")
-        if continued and (not place.startswith(f"bytes {here}-") or origin is None or origin.total != total):
+        if continued and (encoded or not place.startswith(f"bytes {here}-") or origin is None or origin.total != total):
             _discard(partial)
-            raise requests.exceptions.ChunkedEncodingError("the host continues another file, or from another place")
+            raise Broken("the host continues another file, or from another place")
         if not continued:
-            _note(partial, _Origin(address=address, validator=_validator(answer), total=total))
+            validator = "" if encoded else _validator(answer)
+            _note(partial, _Origin(address=address, validator=validator, total=total))
         with partial.open("ab" if continued else "wb") as file:
             for block in answer.iter_content(BLOCK):
                 file.write(block)
@@ -188,7 +193,7 @@ def _attempt(address: str, partial: Path, report: Report) -> None:
             file.flush()
             os.fsync(file.fileno())
     if total is not None and _size(partial) != total:
-        raise requests.exceptions.ConnectionError(f"{_size(partial):,} of {total:,} bytes came")
+        raise Broken(f"{_size(partial):,} of {total:,} bytes came")
 
 
 def _total(answer: requests.Response, before: int) -> int | None:
@@ -200,24 +205,6 @@ def _validator(answer: requests.Response) -> str:
     """By what the host knows this version of the file again (RFC 9110, 13.1.5); a weak tag does not do."""
     tag = answer.headers.get("ETag", "")
     return answer.headers.get("Last-Modified", "") if not tag or tag.startswith("W/") else tag
-
-
-def _reason(error: requests.RequestException) -> str:
-    """What went wrong, in a few words."""
-    if isinstance(error, requests.Timeout):
-        return "the host does not answer"
-    if isinstance(error, requests.TooManyRedirects):
-        return "the host sends us in circles"
-    if isinstance(error, requests.exceptions.ConnectionError) and "resolve" in str(error):
-        return "no network, or no host of that name"
-    if isinstance(error, requests.exceptions.ChunkedEncodingError):
-        return f"the connection broke off ({_short(error)})"
-    return _short(error)
-
-
-def _short(error: BaseException) -> str:
-    text = " ".join(str(error).split())
-    return text if len(text) <= 100 else f"{text[:97]}..."
 
 
 def _size(path: Path) -> int:

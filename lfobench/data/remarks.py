@@ -10,8 +10,8 @@ from lfobench.contract.record import Warning
 from lfobench.contract.suite import Recipe, TrajectoryRecipe
 from lfobench.data import boundaries
 from lfobench.data.source import TaskData
-from lfobench.data.words import counted
 from lfobench.errors import UserError
+from lfobench.words import counted
 
 FEWEST_TRIPLES = 2
 """Of a part; the authors' buffer never samples its last row."""
@@ -33,7 +33,7 @@ def check_parts(data: TaskData) -> None:
         if file is not None and len(triples) < FEWEST_TRIPLES:
             raise UserError(
                 f"Nothing can be learned from the data file {file.path}: of its "
-                f"{counted(episodes.transitions, 'row', 'rows')}, {len(triples)} have two successors in their episode.",
+                f"{counted(episodes.transitions, 'row')}, {len(triples)} have two successors in their episode.",
                 "Name another file; 'lfobench data doctor' says how this one is cut.",
             )
 
@@ -48,7 +48,7 @@ def remarks(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
 
 def _short(data: TaskData, recipe: Recipe, needs: DataNeeds) -> Iterator[Warning]:
     if needs.boundary == "released" and not data.released_expert_rows:
-        episodes = counted(len(data.expert.lengths), "episode", "episodes")
+        episodes = counted(len(data.expert.lengths), "episode")
         yield Warning(
             what=f"The expert part of {data.task.name} has {episodes} and does not reach {recipe.expert_trajectories} "
             "trajectories by the released count, so none of it is mixed into the offline data.",

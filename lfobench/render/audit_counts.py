@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from lfobench.render.audit_words import Grid, TableReport, contradiction_notes, counted, listed, methods_text, p_text
+from lfobench.render.audit_words import Grid, TableReport, contradiction_notes, listed, methods_text, p_text
 from lfobench.render.cell_text import MISSING
 from lfobench.render.highlight_note import CORRECTIONS
 from lfobench.render.table import Note
 from lfobench.stats.audit_counts import AuditedCounts, CountsAudit, CountTest
+from lfobench.words import counted
 
 COUNT_TESTS: dict[CountTest, str] = {
     "fisher": "Fisher's exact test",

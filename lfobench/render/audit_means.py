@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lfobench.render.audit_words import Grid, TableReport, contradiction_notes, counted, listed, methods_text, p_text
+from lfobench.render.audit_words import Grid, TableReport, contradiction_notes, listed, methods_text, p_text
 from lfobench.render.cell_text import MISSING
 from lfobench.render.highlight_note import CORRECTIONS, TESTS
 from lfobench.render.table import Note
 from lfobench.stats.audit import LARGEST_N_TRIED, AuditAtN, AuditedRow, MeansAudit
 from lfobench.stats.audit_effects import MOST_SEEDS, POWER, Effect
 from lfobench.stats.names import Correction
+from lfobench.words import counted
 
 _NEEDED = "needs n"
 _NO_N = "nothing was tested, because n is not stated (say it with --n)"

@@ -50,8 +50,3 @@ def methods_text(methods: frozenset[str] | None) -> str:
 def listed(before: str, names: Sequence[str]) -> str:
     """``before`` and the names; nothing where there is no name."""
     return f"{before} {', '.join(names)}" if names else ""
-
-
-def counted(number: int, one: str, many: str) -> str:
-    """``1 row has``, ``2 rows have``."""
-    return f"{number} {one if number == 1 else many}"

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from lfobench.contract.diagnosis import Diagnosis, Severity
+from lfobench.words import counted
 
 _STYLES: dict[Severity, str] = {"problem": "bold red", "caution": "yellow", "note": "dim"}
 
@@ -25,22 +26,28 @@ def diagnosis(found: Diagnosis, name: str) -> Iterator[RenderableType]:
 
 
 def summary(found: Diagnosis) -> str:
-    """``d4rl, 40 episodes of 883 ± 222 steps (17 terminated, 23 cut by time), …``."""
-    count = len(found.lengths)
+    """``d4rl layout, 35,320 transitions in 40 episodes of 883 steps (17 terminated, 23 cut by time), …``."""
     where = "from the cache" if found.format == "cached" else f"{found.format} layout"
+    steps = "step" if set(found.lengths) == {1} else "steps"
+    others = f"{len(found.lengths) - found.terminated:,} {not_terminated(found)}"
     returns = f"; return {_spread(found.returns)}" if found.returns else ""
     return (
-        f"{where}, {sum(found.lengths):,} transitions in {count:,} episodes of {_spread(found.lengths)} "
-        f"steps ({found.terminated:,} terminated, {count - found.terminated:,} cut by time); "
-        f"{found.observation} observations, {found.action} actions{returns}"
+        f"{where}, {counted(sum(found.lengths), 'transition')} in {counted(len(found.lengths), 'episode')} of "
+        f"{_spread(found.lengths)} {steps} ({found.terminated:,} terminated, {others}); "
+        f"{counted(found.observation, 'observation')}, {counted(found.action, 'action')}{returns}"
     )
+
+
+def not_terminated(found: Diagnosis) -> str:
+    """What the episodes did that did not end by themselves, as far as the file says."""
+    return "cut by time" if found.timeouts else "not terminated"
 
 
 def _modes(found: Diagnosis) -> Table:
     table = Table("rows", "kept", "dropped", "of those kept", title="What each boundary mode keeps")
     for mode in found.modes:
-        reasons = (f"{count:,} {reason}" for reason, count in mode.dropped.items() if count)
-        odd = (f"{count:,} {what}" for what, count in mode.odd.items() if count)
+        reasons = (f"{reason}: {count:,}" for reason, count in mode.dropped.items() if count)
+        odd = (f"{what}: {count:,}" for what, count in mode.odd.items() if count)
         table.add_row(mode.name, f"{mode.kept:,}", "\n".join(reasons), "\n".join(odd))
     return table
 

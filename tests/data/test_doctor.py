@@ -9,11 +9,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from helpers_files import make_episodes, write_d4rl, write_minari
+from helpers_files import make_episodes, write_d4rl, write_minari, write_robomimic
 
 from lfobench.contract.episodes import concatenate
-from lfobench.data.doctor import diagnose, rows_inside
+from lfobench.data.doctor import diagnose, diagnose_part, rows_inside
 from lfobench.data.readers.formats import read
+from lfobench.data.readers.robomimic import LOW_DIMENSIONAL
+from lfobench.render.diagnosis import summary
 
 
 def examined(path: Path, horizon: int | None = 9) -> dict[str, int]:
@@ -34,7 +36,9 @@ def change(field: str, row: int | slice, value: object) -> Callable[[Path], None
         (change("observations", 3, np.nan), "observations-not-finite", 1),
         (change("rewards", slice(0, 2), np.inf), "rewards-not-finite", 2),
         (change("actions", slice(2, 5), 1.5), "actions-out-of-range", 3),
+        (change("next_observations", 3, np.nan), "next_observations-not-finite", 1),
         (change("timeouts", 6, False), "gaps", 1),
+        (change("timeouts", slice(2, 4), True), "misplaced-timeouts", 2),
         (change("timeouts", 19, False), "unfinished", 1),
         (change("terminals", 6, True), "both-flags", 1),
     ],
@@ -52,6 +56,41 @@ def test_ends_are_held_against_the_horizon(tmp_path: Path) -> None:
     assert examined(path, 9) == {"early-timeouts": 1}
     assert examined(path, 4) == {"longer-than-horizon": 2, "terminal-at-horizon": 1}
     assert examined(path, None) == {}
+
+
+def test_a_nan_is_told_as_one_and_not_as_a_gap(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    change("observations", 8, np.nan)(path)
+    assert examined(path, None) == {"observations-not-finite": 1}
+
+
+def test_where_no_file_says_it_nothing_is_called_cut_by_time(tmp_path: Path) -> None:
+    path = write_robomimic(tmp_path / "file.hdf5", make_episodes(terminated=[False] * 3), LOW_DIMENSIONAL)
+    assert examined(path, 100) == {"no-timeouts": 3}
+    found = diagnose(read(path), 100)
+    assert "(0 terminated, 3 not terminated)" in summary(found)
+    assert not any("time ended" in reason for mode in found.modes for reason in mode.dropped)
+
+
+def test_a_part_that_a_protocol_shortened_may_end_anywhere() -> None:
+    part = make_episodes((9, 7, 9), (False, False, False))
+    codes = {finding.code: finding.count for finding in diagnose_part(part.first_transitions(20), 9).findings}
+    assert codes == {"early-timeouts": 1}
+
+
+def test_one_is_singular_and_what_is_infinite_is_no_farthest(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    for field, row, value in (("actions", 2, 1.5), ("actions", 9, np.inf), ("timeouts", 6, False)):
+        change(field, row, value)(path)
+    texts = {finding.code: finding.text for finding in diagnose(read(path, 11), 11).findings}
+    assert texts == {
+        "actions-not-finite": "1 row of actions has a NaN or an infinity.",
+        "actions-out-of-range": "1 action leaves [-1, 1], the farthest to 1.5; environments clip them, "
+        "policies cannot.",
+        "gaps": "1 row leads to another observation than the following row has, and no flag ends an episode there "
+        "(row 6); the reader does.",
+        "early-timeouts": "1 episode was cut by time before the horizon of 11 steps.",
+    }
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:

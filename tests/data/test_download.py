@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import gzip
 import json
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -125,6 +128,20 @@ def in_circles(host: Host) -> None:
     host.send(b"", 302, Location=host.path)
 
 
+def compressed(host: Host) -> None:
+    """Though nobody asked for it."""
+    host.send(gzip.compress(CONTENT), Content_Encoding="gzip")
+
+
+def badly_compressed(host: Host) -> None:
+    host.send(b"not compressed", Content_Encoding="gzip")
+
+
+def odd_words(host: Host) -> None:
+    host.send_response(503, "\x1b[2J" + "a" * 3_000)
+    host.end_headers()
+
+
 def page(host: Host) -> None:
     host.send(b"<html>Log in</html>")
 
@@ -142,6 +159,11 @@ ANSWERS: dict[str, Answer] = {
     "longer-now": longer_now,
     "complete": complete,
     "circles": in_circles,
+    "compressed": compressed,
+    "badly-compressed": badly_compressed,
+    "odd-words": odd_words,
+    "to-a-file": lambda host: host.send(b"", 302, Location="file:///etc/passwd"),
+    "to-nowhere": lambda host: host.send(b"", 302, Location="http://[::1/file"),
     "page": page,
     "403": lambda host: host.send(b"no", 403),
     "404": lambda host: host.send(b"no", 404),
@@ -175,7 +197,9 @@ def left(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir() if path.suffix != ".lock"}
 
 
-@pytest.mark.parametrize("kind", ["whole", "breaks-off", "no-ranges", "redirects", "changes", "longer-now"])
+@pytest.mark.parametrize(
+    "kind", ["whole", "breaks-off", "no-ranges", "redirects", "changes", "longer-now", "compressed"]
+)
 def test_what_arrives_in_the_end_is_whole(tmp_path: Path, host: str, kind: str) -> None:
     fetched = get(tmp_path / "file", f"{host}/{kind}/file")
     assert fetched == Fetched(tmp_path / "file", f"{host}/{kind}/file")
@@ -191,11 +215,15 @@ def test_a_broken_download_continues_where_it_broke(tmp_path: Path, host: str) -
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("always-short", "1,000 of 102,400 bytes|broke off|IncompleteRead"),
-        ("longer", "is not what it should be"),
-        ("stalls", "does not answer|timed out"),
+        ("always-short", r"file: the connection broke off\)"),
+        ("longer", r"longer/file is not what it should be"),
+        ("stalls", r"file: the host does not answer\)"),
         ("circles", "in circles"),
-        ("page", "is not what it should be"),
+        ("page", r"\(http\S*/page/file is not what it should be\)"),
+        ("badly-compressed", r"file: what the host sends cannot be decoded\)"),
+        ("odd-words", r"file: 503 \\x1b\[2Ja{32}…\)"),
+        ("to-a-file", r"file: it leads to an address that is neither http nor https\)"),
+        ("to-nowhere", r"file: it is no address, or leads to none\)"),
         ("403", "403 Forbidden"),
         ("404", "404 Not Found"),
         ("500", "500 Internal"),
@@ -207,6 +235,7 @@ def test_what_does_not_arrive_takes_no_name(tmp_path: Path, host: str, kind: str
     assert "the file could not be fetched" in caught.value.problem
     for way_out in ("LFOBENCH_MIRROR", str(tmp_path / "file"), "--source generated"):
         assert way_out in caught.value.remedy
+    assert ".part" not in caught.value.problem
     assert "file" not in left(tmp_path)
 
 
@@ -301,7 +330,7 @@ def test_what_was_fetched_is_deleted_but_not_under_another_process(tmp_path: Pat
 
 
 def test_without_a_network(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="could not be fetched"):
+    with pytest.raises(UserError, match=r"\(http://127.0.0.1:9/file: the host refuses the connection\)"):
         get(tmp_path / "file", "http://127.0.0.1:9/file")
 
 
@@ -311,11 +340,19 @@ def test_only_http_is_fetched(tmp_path: Path, address: str) -> None:
         get(tmp_path / "file", address)
 
 
-def test_a_full_disk(tmp_path: Path, host: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        (errno.ENOSPC, "No space left on device. Free space, or choose another folder with LFOBENCH_CACHE"),
+        (errno.EACCES, "Permission denied. Make the folder writable, or choose another folder with LFOBENCH_CACHE"),
+        (errno.EIO, "Input/output error. Mend the folder, or choose another folder with LFOBENCH_CACHE"),
+    ],
+)
+def test_a_disk_that_refuses(tmp_path: Path, host: str, monkeypatch: pytest.MonkeyPatch, code: int, said: str) -> None:
+    def refuse(_: int) -> None:
+        raise OSError(code, os.strerror(code))
 
-    monkeypatch.setattr(download.os, "fsync", full)
-    with pytest.raises(UserError, match=r"Cannot write .*file: No space left on device. Free space"):
+    monkeypatch.setattr(download.os, "fsync", refuse)
+    with pytest.raises(UserError, match=rf"Cannot write .*file: {said}"):
         get(tmp_path / "file", f"{host}/whole/file")
     assert "file" not in left(tmp_path)

@@ -9,6 +9,7 @@ import numpy as np
 from lfobench.contract.episodes import BoolArray, Episodes, IntArray
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
 from lfobench.data.readers.reading import Reading
+from lfobench.words import counted
 
 
 def check(reading: Reading) -> None:
@@ -24,6 +25,9 @@ def check(reading: Reading) -> None:
     finite = np.isfinite(episodes.observations).all(axis=1)
     _check("observations", finite[~ends])
     _check("next_observations", finite[ends][~unknown], np.cumsum(episodes.lengths)[~unknown] - 1)
+    within = np.ones(episodes.transitions, np.bool_)
+    within[reading.not_finite] = False
+    _check("next_observations", within)
     _check("actions", np.isfinite(episodes.actions).all(axis=1))
     if reading.rewards:
         _check("rewards", np.isfinite(episodes.rewards))
@@ -38,7 +42,8 @@ def with_columns(episodes: Episodes, columns: int | None) -> Episodes:
     if columns is None:
         return episodes
     if (there := episodes.observations.shape[1]) < columns:
-        raise FileProblem(f"field 'observations' has {there} columns, and {columns} are to be read", OTHER)
+        has = counted(there, "column")
+        raise FileProblem(f"field 'observations' has {has}, and {columns} are to be read", OTHER)
     return replace(episodes, observations=np.ascontiguousarray(episodes.observations[:, :columns]))
 
 

@@ -12,16 +12,19 @@ import h5py
 import numpy as np
 
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray
-from lfobench.data.readers.hdf5 import OTHER, Array, FileProblem, array, blocks, members
+from lfobench.data.readers.arrays import Array, array, blocks
+from lfobench.data.readers.hdf5 import OTHER, FileProblem, members
 from lfobench.data.readers.reading import Reading, flags, numbers, row_numbers, same_columns, same_rows
 
+ESSENTIAL = ("observations", "actions", "terminals")
 CONTINUES = 1e-6
 """Distance below which a next observation is the following observation (methods.md 2.2)."""
 
 
-def is_d4rl(root: h5py.File) -> bool:
-    """Whether the file has the arrays without which it is not D4RL's layout."""
-    return {"observations", "actions", "terminals"} <= set(members(root))
+def lacking(root: h5py.File) -> list[str]:
+    """Which arrays are missing without which a file is not in D4RL's layout."""
+    names = members(root)
+    return [name for name in ESSENTIAL if name not in names]
 
 
 def read(root: h5py.File, horizon: int | None = None) -> Reading:
@@ -50,16 +53,16 @@ def read(root: h5py.File, horizon: int | None = None) -> Reading:
         same_columns(following, observations.shape[1], "'observations'")
 
     terminals, *timed = map(flags, marks)
-    breaks = _breaks(observations, following)
+    breaks, not_finite = _breaks(observations, following)
     timeouts = timed[0] if timed else _cut_at_horizon(terminals | breaks, horizon)
     if not (terminals | timeouts).any():
-        raise FileProblem(
-            "no episode ends: neither 'terminals' nor 'timeouts' marks a row", "Mark the last row of every episode."
-        )
+        raise _no_end(bool(timed), horizon)
     gaps = np.flatnonzero(breaks & ~(terminals | timeouts))
     unmarked = ~(terminals | timeouts | breaks)
     unfinished = bool(unmarked[-1])
     last = np.flatnonzero(~unmarked)
+    # The last row of a file leads nowhere.
+    within = timed[0][:-1] & ~breaks[:-1] if timed and following is not None else np.zeros(0, np.bool_)
     if unfinished:
         last = np.append(last, observations.rows - 1)
     lengths = np.diff(last, prepend=-1).astype(np.int64)
@@ -77,6 +80,8 @@ def read(root: h5py.File, horizon: int | None = None) -> Reading:
         timeouts=bool(timed),
         ends_known=following is not None,
         gaps=gaps,
+        misplaced=np.flatnonzero(within),
+        not_finite=np.flatnonzero(not_finite & unmarked),
         unfinished=unfinished,
         both_flags=int((terminals & timeouts).sum()),
     )
@@ -96,16 +101,37 @@ def _cut_at_horizon(ends: BoolArray, horizon: int | None) -> BoolArray:
     return cut
 
 
-def _breaks(observations: Array, following: Array | None) -> BoolArray:
-    """``[N]``; True where the next observation is not that of the following row, as at the end of an episode."""
-    breaks = np.zeros(observations.rows, np.bool_)
+def _no_end(flagged: bool, horizon: int | None) -> FileProblem:
+    if flagged:
+        return FileProblem(
+            "no episode ends: neither 'terminals' nor 'timeouts' marks a row", "Mark the last row of every episode."
+        )
+    return FileProblem(
+        f"no episode ends: 'terminals' marks no row, there is no field 'timeouts', and no episode reaches the horizon "
+        f"of {horizon:,} steps",
+        "Mark the last row of every episode in 'timeouts', or give the horizon that it was recorded with.",
+    )
+
+
+def _breaks(observations: Array, following: Array | None) -> tuple[BoolArray, BoolArray]:
+    """Where episodes break, and where that cannot be told.
+
+    Returns:
+        ``[N]``; True where the next observation is not that of the following row, as at the end of an episode. Values
+        that are not finite, in either, say nothing about it.
+        ``[N]``; True where a next observation has such a value.
+    """
+    breaks, not_finite = np.zeros((2, observations.rows), np.bool_)
     if following is None:
-        return breaks
+        return breaks, not_finite
     for start, (these, nexts) in blocks([observations, following], further=1):
         with np.errstate(invalid="ignore", over="ignore"):
-            squares = np.square(nexts[:-1].astype(np.float64) - these[1:]).sum(axis=1)
-        breaks[start : start + len(squares)] = ~(squares <= CONTINUES**2)
-    return breaks
+            differences = nexts[:-1].astype(np.float64) - these[1:]
+            comparable = np.isfinite(nexts[:-1]) & np.isfinite(these[1:])
+            squares = np.square(differences, where=comparable, out=np.zeros_like(differences)).sum(axis=1)
+        breaks[start : start + len(squares)] = squares > CONTINUES**2
+        not_finite[start : start + len(nexts)] = ~np.isfinite(nexts).all(axis=1)
+    return breaks, not_finite
 
 
 def _stacked(observations: Array, following: Array | None, lengths: IntArray, last: IntArray) -> FloatArray:

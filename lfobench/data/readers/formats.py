@@ -6,8 +6,9 @@ import hashlib
 from pathlib import Path
 
 from lfobench.data.readers import d4rl, minari, robomimic
-from lfobench.data.readers.hdf5 import OTHER, FileProblem, members, opened
+from lfobench.data.readers.hdf5 import OTHER, FileProblem, listed, opened
 from lfobench.data.readers.reading import Reading
+from lfobench.data.readers.start import check_start
 
 IN_MINARI_FOLDER = Path("data") / "main_data.hdf5"
 
@@ -50,16 +51,23 @@ def read(path: Path, horizon: int | None = None) -> Reading:
         FileProblem: what is wrong with it.
         OSError: it cannot be read.
     """
-    with opened(data_file(path)) as root:
+    file = data_file(path)
+    check_start(file)
+    with opened(file) as root:
         if minari.is_minari(root):
             return minari.read(root)
         if robomimic.is_robomimic(root):
             return robomimic.read(root)
-        if d4rl.is_d4rl(root):
+        lacking = d4rl.lacking(root)
+        if not lacking:
             return d4rl.read(root, horizon)
-        there = ", ".join(members(root)[:12]) or "nothing"
+        if len(lacking) == 1:
+            raise FileProblem(
+                f"it is in D4RL's layout but for the field '{lacking[0]}', which is missing (there: {listed(root)})",
+                OTHER,
+            )
         raise FileProblem(
             f"it has none of the known layouts: D4RL's needs the fields observations, actions and terminals, Minari's "
-            f"groups episode_0, …, robomimic's groups data/demo_0, … (there: {there})",
+            f"groups episode_0, …, robomimic's groups data/demo_0, … (there: {listed(root)})",
             OTHER,
         )

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray
-from lfobench.data.readers.hdf5 import OTHER, Array, FileProblem, blocks
+from lfobench.data.readers.arrays import Array, blocks
+from lfobench.data.readers.hdf5 import OTHER, FileProblem
+from lfobench.words import counted
+
+
+def _no_rows() -> IntArray:
+    return np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True)
@@ -25,6 +31,9 @@ class Reading:
         timeouts: whether the file says which episodes time ended.
         ends_known: whether the file says which observation every episode ends in.
         gaps: ``[G]`` last rows of episodes that no flag ends and whose next observation is not the following one.
+        misplaced: ``[M]`` rows that are marked as timed out and whose next observation is the following one.
+        not_finite: ``[B]`` rows within an episode whose next observation, which is not kept, has a value that is no
+            finite number.
         unfinished: whether the file ends within an episode.
         both_flags: episodes that are marked as terminated and as timed out.
     """
@@ -35,7 +44,9 @@ class Reading:
     rewards: bool = True
     timeouts: bool = True
     ends_known: bool = True
-    gaps: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    gaps: IntArray = field(default_factory=_no_rows)
+    misplaced: IntArray = field(default_factory=_no_rows)
+    not_finite: IntArray = field(default_factory=_no_rows)
     unfinished: bool = False
     both_flags: int = 0
 
@@ -85,7 +96,8 @@ def same_rows(arrays: list[Array], rows: int, measure: str) -> None:
     """
     for each in arrays:
         if each.rows != rows:
-            raise FileProblem(f"field '{each.field}' has {each.rows:,} rows, and {measure} has {rows:,}", OTHER)
+            there = counted(each.rows, "row")
+            raise FileProblem(f"field '{each.field}' has {there}, and {measure} has {rows:,}", OTHER)
 
 
 def same_columns(found: Array, columns: int, measure: str) -> None:
@@ -95,7 +107,8 @@ def same_columns(found: Array, columns: int, measure: str) -> None:
         FileProblem: naming both.
     """
     if found.shape[1] != columns:
-        raise FileProblem(f"field '{found.field}' has {found.shape[1]} columns, and {measure} has {columns}", OTHER)
+        there = counted(found.shape[1], "column")
+        raise FileProblem(f"field '{found.field}' has {there}, and {measure} has {columns:,}", OTHER)
 
 
 def row_numbers(lengths: NDArray[np.int64]) -> IntArray:

@@ -14,10 +14,11 @@ import h5py
 import numpy as np
 
 from lfobench.contract.episodes import Episodes, FloatArray, IntArray
-from lfobench.data.readers.hdf5 import OTHER, Array, FileProblem, array, is_group, members, subgroup
+from lfobench.data.readers.arrays import Array, array
+from lfobench.data.readers.hdf5 import OTHER, FileProblem, is_group, members, subgroup
 from lfobench.data.readers.reading import Reading, end_to_end, row_numbers, same_columns, same_rows
 
-DEMONSTRATION = re.compile(r"demo_(\d+)")
+DEMONSTRATION = re.compile(r"demo_([0-9]{1,12})")
 LOW_DIMENSIONAL = ("robot0_eef_pos", "robot0_eef_quat", "robot0_gripper_qpos", "object")
 
 
@@ -43,7 +44,7 @@ def read(root: h5py.File, columns: Sequence[str] = LOW_DIMENSIONAL) -> Reading:
     rewarded = all("rewards" in members(group) for group in groups)
     rewards = [array(group, "rewards", 1) for group in groups] if rewarded else []
     before, after = (
-        [[array(subgroup(group, side), column, 2) for column in columns] for group in groups]
+        [[array(group, column, 2) for column in columns] for group in (subgroup(demo, side) for demo in groups)]
         for side in ("obs", "next_obs")
     )
     for index, done in enumerate(actions):
@@ -80,5 +81,7 @@ def _stacked(before: list[list[Array]], after: list[list[Array]], lengths: IntAr
     for column, width in enumerate(widths):
         start, stop = stop, stop + width
         stacked[place, start:stop] = end_to_end([arrays[column] for arrays in before])
-        stacked[place[last] + 1, start:stop] = np.stack([arrays[column].read()[-1] for arrays in after])
+        stacked[place[last] + 1, start:stop] = np.concatenate(
+            [arrays[column].read(arrays[column].rows - 1) for arrays in after]
+        )
     return stacked

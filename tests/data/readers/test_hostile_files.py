@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import h5py
@@ -74,6 +74,12 @@ def an_odd_flag(path: Path) -> None:
     replace_field(path, "terminals", data=flags)
 
 
+def _rename(path: Path, fields: Sequence[str] = ("actions", "observations")) -> None:
+    with h5py.File(path, "a") as file:
+        for field in fields:
+            file.move(field, {"actions": "moves", "observations": "places"}[field])
+
+
 def no_end(path: Path) -> None:
     for field in ("terminals", "timeouts"):
         replace_field(path, field, data=np.zeros(20, np.bool_))
@@ -83,9 +89,25 @@ D4RL_CASES: dict[str, tuple[Callable[[Path], object], str]] = {
     "cut short": (lambda path: path.write_bytes(path.read_bytes()[:3000]), "it is cut short"),
     "empty": (lambda path: path.write_bytes(b""), "it is empty"),
     "a web page": (lambda path: path.write_text("\n<!DOCTYPE html><title>Log in"), "it is a web page"),
+    "a web page that begins with a byte order mark": (
+        lambda path: path.write_text("\ufeff<!DOCTYPE html><title>Log in", "utf-8"),
+        "it is a web page",
+    ),
+    "a web page that begins with a comment": (
+        lambda path: path.write_text("<!-- portal --><html>"),
+        "it is a web page",
+    ),
+    "an answer of the host": (
+        lambda path: path.write_text('{"error": "quota \x1b[2J"}'),
+        r"it is JSON, .*: {\"error\": \"quota \\x1b\[2J\"}$",
+    ),
     "a pointer": (lambda path: path.write_text("version https://git-lfs.github.com/spec/v1\n"), "Git LFS pointer"),
     "something else": (lambda path: path.write_bytes(b"PK\x03\x04"), "it is not an HDF5 file"),
-    "no known layout": (lambda path: link(path, "actions", np.zeros(3)) or _rename(path), "none of the known layouts"),
+    "no known layout": (_rename, r"none of the known layouts: .* \(there: moves, next_observations, places"),
+    "one field is missing": (
+        lambda path: _rename(path, ["actions"]),
+        "in D4RL's layout but for the field 'actions', which is missing",
+    ),
     "rows differ": (
         lambda path: replace_field(path, "rewards", data=np.zeros(19)),
         "field 'rewards' has 19 rows, and 'observations' has 20",
@@ -96,7 +118,7 @@ D4RL_CASES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "dimensions": (
         lambda path: replace_field(path, "actions", data=np.zeros(20)),
-        "field 'actions' has 1 dimensions; it should have 2",
+        "field 'actions' has 1 dimension; it should have 2",
     ),
     "a scalar": (lambda path: replace_field(path, "rewards", data=1.0), "field 'rewards' has 0 dimensions"),
     "nothing": (
@@ -138,18 +160,13 @@ D4RL_CASES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "never written to its end": (
         partly_written,
-        "field 'actions' was never written to its end: 1 of 2 chunks",
+        "field 'actions' was never written to its end: 1 of 2 chunks is there",
     ),
     "not finite": (not_finite, "field 'observations' has a value that is no finite number, the first in row 12"),
     "an odd flag": (an_odd_flag, "field 'terminals' has .*7.* in row 3, where 0 or 1 belongs"),
     "no end": (no_end, "no episode ends"),
     "no rows": (lambda path: write_d4rl(path, make_episodes([], [])), "field 'observations' has no row"),
 }
-
-
-def _rename(path: Path) -> None:
-    with h5py.File(path, "a") as file:
-        file.move("actions", "moves")
 
 
 def link_group(path: Path, field: str) -> None:
@@ -166,6 +183,41 @@ def test_a_d4rl_file_is_refused(tmp_path: Path, case: str) -> None:
     with pytest.raises(FileProblem, match=said) as caught:
         check(read(path))
     assert caught.value.remedy.endswith(".")
+
+
+def test_a_remedy_fits_a_file_of_ones_own(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(FileProblem) as caught:
+        read(path)
+    assert caught.value.remedy == "Copy or download it again."
+
+
+def test_names_in_a_file_are_escaped_and_short(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "file.hdf5", "w") as file:
+        for name in ("\x1b[2J\u202e", "n" * 3_000, *(f"o{index}" for index in range(20))):
+            file[name] = 0
+    with pytest.raises(FileProblem) as caught:
+        read(tmp_path / "file.hdf5")
+    listed = caught.value.cause.partition("(there: ")[2]
+    assert listed.startswith(rf"\x1b[2J\u202e, {'n' * 39}…, o0, ")
+    assert listed.endswith(", …)")
+    assert caught.value.cause.isprintable()
+
+
+def test_next_observations_that_are_not_kept_are_finite_too(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    with h5py.File(path, "a") as file:
+        file["next_observations"][3, 1] = np.nan
+    with pytest.raises(FileProblem, match=r"field 'next_observations' has a value .* the first in row 3"):
+        check(read(path))
+
+
+def test_a_file_that_is_too_short_to_have_an_end(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes([20], [False]), ["timeouts"])
+    said = "'terminals' marks no row, there is no field 'timeouts', and no episode reaches the horizon of 1,000 steps"
+    with pytest.raises(FileProblem, match=said):
+        read(path, 1_000)
 
 
 def test_without_timeouts_the_horizon_must_be_known(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lfobench.contract.episodes import Episodes
 from lfobench.data import boundaries
-from lfobench.data.readers import hdf5, robomimic
+from lfobench.data.readers import arrays, hdf5, robomimic
 from lfobench.data.readers.formats import read
 
 
@@ -31,7 +31,7 @@ in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixt
 def test_d4rl(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shape: list[tuple[int, bool]], block: int, chunked: bool
 ) -> None:
-    monkeypatch.setattr(hdf5, "BLOCK_BYTES", block)
+    monkeypatch.setattr(arrays, "BLOCK_BYTES", block)
     episodes = make_episodes(*zip(*shape, strict=True))
     storage = {"chunks": True, "compression": "gzip", "shuffle": True} if chunked else {}
     reading = read(write_d4rl(tmp_path / "file.hdf5", episodes, **storage))
@@ -143,7 +143,7 @@ def test_a_gap_ends_an_episode_and_is_told(tmp_path: Path) -> None:
 def test_a_gap_at_the_edge_of_a_block_is_found_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:
-    monkeypatch.setattr(hdf5, "BLOCK_BYTES", block)
+    monkeypatch.setattr(arrays, "BLOCK_BYTES", block)
     episodes = make_episodes([1] * 20, [False] * 20)
     path = write_d4rl(tmp_path / "file.hdf5", episodes)
     with h5py.File(path, "a") as file:
@@ -167,3 +167,25 @@ def test_what_is_both_terminated_and_timed_out_is_timed_out(tmp_path: Path) -> N
     reading = read(path)
     assert reading.both_flags == 1
     assert_same(reading.episodes, make_episodes())
+
+
+@pytest.mark.parametrize("place", [(8, 1), (slice(None), 1), slice(None)], ids=["value", "column", "all"])
+def test_values_that_are_not_finite_end_no_episode(tmp_path: Path, place: object) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    with h5py.File(path, "a") as file:
+        for field in ("observations", "next_observations"):
+            file[field][place] = np.nan
+    reading = read(path)
+    assert (reading.episodes.lengths.tolist(), len(reading.gaps)) == (list(LENGTHS), 0)
+
+
+def test_time_outs_within_an_episode_are_told(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    assert read(path).misplaced.tolist() == []
+    with h5py.File(path, "a") as file:
+        file["timeouts"][[5, 6]] = True, False
+        file["timeouts"][[18, 19]] = True, True
+    assert read(path).misplaced.tolist() == [5, 18]
+    with h5py.File(path, "a") as file:
+        del file["next_observations"]
+    assert read(path).misplaced.tolist() == []

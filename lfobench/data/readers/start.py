@@ -1,0 +1,43 @@
+"""How a file begins: what is no HDF5 file is mostly something well known that was saved in its place."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from lfobench.data.readers.hdf5 import AGAIN, OTHER, FileProblem
+from lfobench.words import shown
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_PAGE = re.compile(rb"<(!doctype|!--|html|head|body|script|meta|title|\?xml)", re.IGNORECASE)
+_JSON = re.compile(rb'(\{\s*["}]|\[\s*[\[{"\]])')
+
+
+def check_start(path: Path) -> None:
+    """Refuses what does not begin as an HDF5 file does.
+
+    Raises:
+        FileProblem: saying what it is instead, where that can be told.
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        start = file.read(512)
+    if start.startswith(SIGNATURE):
+        return
+    if not start:
+        raise FileProblem("it is empty", AGAIN)
+    text = start.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if _PAGE.match(text):
+        raise FileProblem(
+            "it is a web page, not data; a login page of the network or a notice of the host was saved instead",
+            "Download it again, from another network or another mirror.",
+        )
+    if _JSON.match(text):
+        said = shown(text.decode(errors="replace"))
+        raise FileProblem(
+            f"it is JSON, not data; an answer of the host was saved instead: {said}",
+            "Download it again, or take it from another mirror.",
+        )
+    if text.startswith(b"version https://git-lfs"):
+        raise FileProblem("it is a Git LFS pointer, not the data", "Fetch the data itself: git lfs pull.")
+    raise FileProblem("it is not an HDF5 file", OTHER)

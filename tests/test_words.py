@@ -1,0 +1,29 @@
+from __future__ import annotations
+
+import pytest
+
+from lfobench.words import counted, shown
+
+
+def test_one_is_singular() -> None:
+    assert (counted(1, "row has", "rows have"), counted(2_000, "row has", "rows have")) == (
+        "1 row has",
+        "2,000 rows have",
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Not Found", "Not Found"),
+        ("a\nb", "a b"),
+        ("\x1b[2J\x07", "\\x1b[2J\\x07"),
+        ("\u202ename\udc80", "\\u202ename\\udc80"),
+        ("it's", "it's"),
+        ("x" * 40, "x" * 40),
+        ("x" * 41, "x" * 39 + "…"),
+        ("\x1b" * 3_000, "\\x1b" * 9 + "\\x1…"),
+    ],
+)
+def test_text_from_outside_is_escaped_and_short(text: str, expected: str) -> None:
+    assert shown(text) == expected
