@@ -56,6 +56,7 @@ def _draw(axes: Axes, found: Diagnosis, values: tuple[int, ...] | tuple[float, .
                 marker=look(slot).marker,
                 markersize=2.5,
                 alpha=0.7,
+                clip_on=False,
                 markeredgewidth=0.0,
                 color=look(slot).colour,
                 rasterized=len(chosen) > MOST_DETAILED,
