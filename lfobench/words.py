@@ -13,10 +13,10 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 def harmless(text: str) -> str:
     """Text on one line, with what a terminal would obey escaped."""
-    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in " ".join(text.split()))
+    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in " ".join(text.splitlines()))
 
 
 def shown(text: str, most: int = MOST_SHOWN) -> str:
     """Text from outside on one line of at most so many characters; those that a terminal would obey are escaped."""
-    escaped = harmless(text[: 2 * most])
+    escaped = " ".join(harmless(text[: 2 * most]).split())
     return escaped if len(escaped) <= most and len(text) <= 2 * most else f"{escaped[: most - 1]}…"

@@ -4,9 +4,10 @@
 Returns are those of D4RL's ``-v0`` environments, normalised with its references (methods.md 5.1).
 
 The paper's table writes a horizon of 100 for all three. D4RL's is 200 for door and hammer, and so is that of the
-authors' code: `SUITE` has it, `PAPER` the table's, where episodes, the demonstration and a counted trajectory end at
-100. D4RL's references are of whole episodes, so a score of `PAPER` on door or hammer means little beside another. The
-5e6 transitions that the table gives pen-cloned, which has 500,000, are taken for a slip by both.
+authors' code: `SUITE` has it, `PAPER` the table's, where generated and evaluated episodes, the demonstration and a
+counted trajectory end at 100; episodes of files keep their length. D4RL's references are of whole episodes, so a score
+of `PAPER` on door or hammer means little beside another. The 5e6 transitions that the table gives pen-cloned, which has
+500,000, are taken for a slip by both.
 
 Nobody moved this hand for the generated source: where D4RL has human demonstrations, its stand-in is ``scripted``.
 """

@@ -76,7 +76,7 @@ class Agenda:
         for task, request in self.requests:
             part, before = request.specification, found[task]
             if isinstance(part, FilePart) and request.path is None:
-                found[task] = replace(before, files=(*before.files, part.name))
+                found[task] = replace(before, files=tuple(dict.fromkeys((*before.files, part.name))))
             else:
                 missing = len(PartCache(self.cache, part).missing(request.transitions))
                 found[task] = replace(before, shards=before.shards + missing)

@@ -11,6 +11,7 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import INTERRUPTED, errors, one_line, output
+from lfobench.words import counted
 
 if TYPE_CHECKING:
     from lfobench.data.fetching import Wanted
@@ -118,7 +119,8 @@ def verify(suite: SuiteArgument, tasks: options.Tasks = None, source: AnySource 
         errors.print(one_line(str(other)), soft_wrap=True)
     if refused:
         raise refused[0]
-    output.print(f"{here} files are what they were." if here else "None of the files is here.")
+    unchanged = counted(here, "file is what it was", "files are what they were")
+    output.print(f"{unchanged}." if here else "None of the files is here.")
 
 
 def remove(
@@ -143,8 +145,9 @@ def remove(
     if not yes and not typer.confirm(f"Remove {names}?"):
         raise typer.Exit(1)
     deleted = sum(forget(library, each) for each in here)
-    stay = f"; {len(here) - deleted} that were not downloaded stay where they lie" if deleted < len(here) else ""
-    output.print(f"Forgot {len(here)} files, deleted {deleted}{stay}.")
+    words = "that was not downloaded stays where it lies", "that were not downloaded stay where they lie"
+    stay = f"; {counted(len(here) - deleted, *words)}" if deleted < len(here) else ""
+    output.print(f"Forgot {counted(len(here), 'file')}, deleted {deleted}{stay}.")
 
 
 def library_here() -> Library:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +14,7 @@ from lfobench.cli.console import one_line, output, print_json
 from lfobench.cli.data_files import AnySource, library_here, wanted_of
 
 if TYPE_CHECKING:
+    from lfobench.contract.files import DataFile
     from lfobench.data.fetching import Wanted
     from lfobench.data.library import Library
 
@@ -69,11 +72,11 @@ def _everywhere(tasks: str | None) -> list[tuple[str, str | None]]:
     if tasks is None:
         return [(name, None) for name in suite_names()]
     found: list[tuple[str, str | None]] = []
-    for name in suite_names():
-        names = [task.name for task in load_suite(name).tasks]
+    for suite in suite_names():
+        names = [task.name for task in load_suite(suite).tasks]
         globs = [glob for glob in split_names(tasks) if any(fnmatchcase(name, glob) for name in names)]
         if globs:
-            found.append((name, ",".join(globs)))
+            found.append((suite, ",".join(globs)))
     if not found:
         raise unknown_name("task", tasks, suites_of_tasks())
     return found
@@ -81,30 +84,28 @@ def _everywhere(tasks: str | None) -> list[tuple[str, str | None]]:
 
 def _merged(chosen: list[tuple[str, str | None]], source: str | None) -> list[dict[str, Any]]:
     """A row per file, whichever suites read it."""
-    rows: dict[tuple[str, ...], dict[str, Any]] = {}
+    rows: dict[tuple[str, DataFile], dict[str, Any]] = {}
     for suite, tasks in chosen:
-        for row in _rows(suite, tasks, source):
-            known = rows.setdefault((row["source"], row["file"], *row["addresses"]), row)
+        for row, file in _rows(suite, tasks, source):
+            known = rows.setdefault((row["source"], replace(file, columns=None)), row)
             for field in ("suites", "tasks"):
                 known[field] = list(dict.fromkeys((*known[field], *row[field])))
     return list(rows.values())
 
 
-def _rows(suite: str, tasks: str | None, source: str | None) -> list[dict[str, Any]]:
+def _rows(suite: str, tasks: str | None, source: str | None) -> Iterator[tuple[dict[str, Any], DataFile]]:
     from lfobench.registry import load_suite
 
     library = library_here()
-    return [
-        {
+    for each in wanted_of(suite, tasks, source, every=True):
+        row = {
             "suites": [load_suite(suite).name],
             "source": each.source,
             "file": each.file.name,
             "tasks": list(each.tasks),
             "addresses": list(each.file.addresses),
-            **_whereabouts(library, each),
         }
-        for each in wanted_of(suite, tasks, source, every=True)
-    ]
+        yield row | _whereabouts(library, each), each.file
 
 
 def _whereabouts(library: Library, wanted: Wanted) -> dict[str, Any]:

@@ -9,8 +9,7 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import output, print_json
-from lfobench.errors import UserError
-from lfobench.files import exists
+from lfobench.errors import UserError, unknown_name
 
 if TYPE_CHECKING:
     from lfobench.contract.diagnosis import Diagnosis
@@ -37,7 +36,7 @@ def doctor(
 
     Example: lfobench data doctor hopper-medium-expert --source d4rl
     """
-    owner = None if exists(Path(subject)) else _suite_of(subject, suite)
+    owner = _suite_of(subject, suite)
     if owner is not None:
         if horizon is not None or to is not None:
             raise UserError("--horizon and --to are for a file; a task knows its horizon.", "Leave them out.")
@@ -52,11 +51,23 @@ def doctor(
     raise typer.Exit(0 if usable else 1)
 
 
-def _suite_of(task: str, suite: str) -> str | None:
-    """The suite if it has the task, else a registered one that does."""
+def _suite_of(subject: str, suite: str) -> str | None:
+    """Of a task: the suite if it has the task, else a registered one that does. None of a file, there or not.
+
+    Raises:
+        UserError: neither a task nor what a file would be called.
+    """
+    from lfobench.files import exists
     from lfobench.registry import load_suite, suites_of_tasks
 
-    return suite if any(task == each.name for each in load_suite(suite).tasks) else suites_of_tasks().get(task)
+    if exists(Path(subject)):
+        return None
+    if any(subject == each.name for each in load_suite(suite).tasks):
+        return suite
+    owners = suites_of_tasks()
+    if subject not in owners and not Path(subject).suffix and "/" not in subject:
+        raise unknown_name("file or task", subject, owners)
+    return owners.get(subject)
 
 
 def _of_file(file: Path, horizon: int | None, to: Path | None) -> dict[str, Diagnosis]:

@@ -109,7 +109,7 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
             build_data(agenda.shards, agenda.builders, stop, quiet)
             RecordFolder(out).remove_leftovers()
             if not stop():
-                _look_at_files(agenda, rebuild, said)
+                _look_at_files(agenda, rebuild, said, quiet)
             tally = Tally() if stop() else _train(agenda, expected, out, stop, said, quiet)
     except KeyboardInterrupt:
         stop.asked = True
@@ -127,7 +127,7 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
     return 0
 
 
-def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], said: Said) -> None:
+def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], said: Said, quiet: bool) -> None:
     """Refuse files that nothing can be learned from, and say what they lack, before anything trains on them."""
     cells: dict[str, list[Cell]] = {}
     for job in agenda.jobs:
@@ -137,7 +137,7 @@ def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], said: Said) ->
         for name, of_task in cells.items():
             data = load_task(agenda.cache, agenda.plan.suite, of_task[0].task, of_task[0].recipe, rebuild(name))
             check_parts(data)
-            for cell in of_task:
+            for cell in of_task if not quiet else ():
                 said.warn(list(remarks(data, cell.method.needs(cell.config))))
 
 

@@ -54,7 +54,7 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
         output.print(f"source    {plan.cells[0].source}, evaluated on {escape(evaluated)}", soft_wrap=True)
     if absent := absent_files(plan.tasks):
         names = ", ".join(file.name for file in absent)
-        output.print(f"files     {len(absent)} files to fetch: {escape(names)}", soft_wrap=True)
+        output.print(f"files     {counted(len(absent), 'file')} to fetch: {escape(names)}", soft_wrap=True)
     if agenda.pending:
         output.print(
             f"to do     {len(agenda.pending)} of {len(plan.runs)} runs, about {duration(expected.total_seconds)}"

@@ -110,7 +110,7 @@ class Counts(_Model):
 
     offline_transitions: int = Field(ge=0, description="Of the offline part, before expert trajectories join it.")
     expert_trajectories: int = Field(ge=0, description="That joined the offline data, with their actions.")
-    demonstration_rows: int = Field(ge=0, description="That are observed.")
+    demonstration_rows: int = Field(ge=0, description="Of the expert part, of which the demonstration is made.")
 
 
 class Record(_Model):

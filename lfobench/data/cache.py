@@ -168,12 +168,17 @@ class PartCache:
 
 
 def forget_imports(root: Path, name: str, sha256: str) -> None:
-    """Delete the shards that were made of a file, whichever of its columns and horizons they hold."""
+    """Delete the shards that were made of a file, whichever of its columns and horizons they hold.
+
+    Raises:
+        OSError: the disk refuses.
+    """
     for folder in (root / IMPORTED).glob(f"{glob.escape(name[:MOST_OF_A_NAME])}-*"):
-        with suppress(SafetensorError, OSError, ValueError, KeyError):
+        made_of = None
+        with suppress(SafetensorError, OSError, ValueError, KeyError):  # a damaged shard does not say it
             made_of = json.loads(open_shard(folder / "00000.safetensors").metadata["specification"])["sha256"]
-            if made_of == sha256:
-                shutil.rmtree(folder)
+        if made_of == sha256:
+            shutil.rmtree(folder)
 
 
 def _combined(transitions: int | None, marks: Sequence[str]) -> str:

@@ -104,9 +104,14 @@ def forget(library: Library, wanted: Wanted) -> bool:
     except UserError:
         note = None  # damaged: what was made of the file cannot be told, and the note is forgotten like any other
     deleted = bool(wanted.file.addresses) and discard(library.place(wanted.source, wanted.file))
-    if note is not None:
-        forget_imports(library.cache, wanted.file.name, note.sha256)
-    library.forget(wanted.source, wanted.file)
+    try:
+        if note is not None:
+            forget_imports(library.cache, wanted.file.name, note.sha256)
+        library.forget(wanted.source, wanted.file)
+    except OSError as error:
+        raise UserError(
+            f"Cannot delete {error.filename}: {error.strerror}.", "Delete it by hand, or make its folder writable."
+        ) from error
     return deleted
 
 

@@ -119,7 +119,11 @@ class Library(NamedTuple):
         return note
 
     def forget(self, source: str, file: DataFile) -> None:
-        """Remove the note of a file, so that the next one of its name is taken as it is."""
+        """Remove the note of a file, so that the next one of its name is taken as it is.
+
+        Raises:
+            OSError: the disk refuses.
+        """
         self._note_path(source, file).unlink(missing_ok=True)
 
     def verify(self, source: str, file: DataFile) -> Note | None:

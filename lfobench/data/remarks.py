@@ -47,7 +47,7 @@ def remarks(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
 
 
 def _short(data: TaskData, recipe: Recipe, needs: DataNeeds) -> Iterator[Warning]:
-    if needs.boundary == "released" and not data.released_expert_rows:
+    if recipe.expert_trajectories and needs.boundary == "released" and not data.released_expert_rows:
         episodes = counted(len(data.expert.lengths), "episode")
         yield Warning(
             what=f"The expert part of {data.task.name} has {episodes} and does not reach {recipe.expert_trajectories} "

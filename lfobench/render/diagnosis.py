@@ -10,14 +10,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from lfobench.contract.diagnosis import Diagnosis, Severity
-from lfobench.words import counted
+from lfobench.words import counted, harmless
 
 _STYLES: dict[Severity, str] = {"problem": "bold red", "caution": "yellow", "note": "dim"}
 
 
 def diagnosis(found: Diagnosis, name: str) -> Iterator[RenderableType]:
     """The parts of what is printed, from top to bottom."""
-    yield f"[bold]{escape(name)}[/]: {summary(found)}"
+    yield f"[bold]{escape(harmless(name))}[/]: {summary(found)}"
     yield _modes(found)
     if not found.findings:
         yield "Nothing is wrong with it."

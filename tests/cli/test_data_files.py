@@ -252,7 +252,8 @@ def test_a_task_says_which_suite_it_is_of(lfobench_command: InProcess) -> None:
     assert_refused(
         lfobench_command("data", "download", "pen-human-expert", "--tasks", "pen-*"), "is one task", "Leave out"
     )
-    assert_refused(lfobench_command("data", "verify", "pen-humn-expert"), "Did you mean 'pen-human-expert'?")
+    for command in ("verify", "doctor"):
+        assert_refused(lfobench_command("data", command, "pen-humn-expert"), "Did you mean 'pen-human-expert'?")
 
 
 def test_a_glob_over_all_suites_names_those_that_have_such_tasks(lfobench_command: InProcess) -> None:
@@ -270,6 +271,17 @@ def test_a_damaged_note_is_shown_and_can_be_forgotten(suite: Path, tmp_path: Pat
     assert "is damaged" in str(rows["pole-random-v0"]["problem"]) and rows["pole-expert-v0"]["problem"] is None
     assert lfobench_command("data", "rm", suite, "--yes").out == "Forgot 2 files, deleted 2.\n"
     assert not note.exists()
+
+
+def test_two_own_files_of_one_name_are_two_rows(suite: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
+    own = f'Files(own_file("{tmp_path}/a/x.hdf5"), own_file("{tmp_path}/b/x.hdf5"))'
+    suite.write_text(suite.read_text().replace('Files(there("random"), there("expert"))', own))
+    assert len(json.loads(lfobench_command("data", "ls", suite, "--source", "there", "--json").out)) == 2
+
+
+def test_what_cannot_be_deleted_is_named(suite: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
+    (tmp_path / "cache" / "files" / "there" / "pole-random-v0.json").mkdir(parents=True)
+    assert_refused(lfobench_command("data", "rm", suite, "--source", "there", "--yes"), "Cannot delete", "by hand")
 
 
 def test_own_files_are_not_held_to_a_hash(suite: Path, tmp_path: Path, lfobench_command: InProcess) -> None:

@@ -64,6 +64,13 @@ def test_a_nan_is_told_as_one_and_not_as_a_gap(tmp_path: Path) -> None:
     assert examined(path, None) == {"observations-not-finite": 1}
 
 
+def test_an_unknown_next_observation_proves_no_time_out_misplaced(tmp_path: Path) -> None:
+    path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
+    for row in (6, 19):
+        change("next_observations", row, np.nan)(path)
+    assert "misplaced-timeouts" not in examined(path, None)
+
+
 def test_where_no_file_says_it_nothing_is_called_cut_by_time(tmp_path: Path) -> None:
     path = write_robomimic(tmp_path / "file.hdf5", make_episodes(terminated=[False] * 3), LOW_DIMENSIONAL)
     assert examined(path, 100) == {"no-timeouts": 3}

@@ -92,10 +92,26 @@ def blocks(arrays: Sequence[Array], further: int = 0) -> Iterator[tuple[int, lis
     Yields:
         The number of a block's first row, and the block of every array.
     """
-    rows, step = arrays[0].rows, min(each.block for each in arrays)
+    # A chunk must not be unpacked once for every block of an array that has smaller ones.
+    rows, step = arrays[0].rows, max(each.block for each in arrays)
     for start in range(0, rows, step):
         stop = min(start + step + further, rows)
         yield start, [each.read(start, stop) for each in arrays]
+
+
+def in_proportion(parts: Sequence[Array]) -> None:
+    """Refuses arrays that are many more bytes together than their file: an array can have many names in it.
+
+    Raises:
+        FileProblem: naming the first.
+    """
+    whole = sum(4 * math.prod(part.shape) for part in parts)
+    if whole > MOST_INFLATION * (size := parts[0].group.file.id.get_filesize()):
+        raise FileProblem(
+            f"'{parts[0].field}' and its like in other episodes are {whole:,} bytes together, and the file has "
+            f"{size:,}, so that most of them are one and the same",
+            OTHER,
+        )
 
 
 def array(group: h5py.Group, name: str, dimensions: int) -> Array:

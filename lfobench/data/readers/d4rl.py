@@ -53,7 +53,7 @@ def read(root: h5py.File, horizon: int | None = None) -> Reading:
         same_columns(following, observations.shape[1], "'observations'")
 
     terminals, *timed = map(flags, marks)
-    breaks, not_finite = _breaks(observations, following)
+    breaks, goes_on, not_finite = _breaks(observations, following)
     timeouts = timed[0] if timed else _cut_at_horizon(terminals | breaks, horizon)
     if not (terminals | timeouts).any():
         raise _no_end(bool(timed), horizon)
@@ -61,8 +61,6 @@ def read(root: h5py.File, horizon: int | None = None) -> Reading:
     unmarked = ~(terminals | timeouts | breaks)
     unfinished = bool(unmarked[-1])
     last = np.flatnonzero(~unmarked)
-    # The last row of a file leads nowhere.
-    within = timed[0][:-1] & ~breaks[:-1] if timed and following is not None else np.zeros(0, np.bool_)
     if unfinished:
         last = np.append(last, observations.rows - 1)
     lengths = np.diff(last, prepend=-1).astype(np.int64)
@@ -80,7 +78,7 @@ def read(root: h5py.File, horizon: int | None = None) -> Reading:
         timeouts=bool(timed),
         ends_known=following is not None,
         gaps=gaps,
-        misplaced=np.flatnonzero(within),
+        misplaced=np.flatnonzero(timed[0] & goes_on) if timed else np.zeros(0, np.int64),
         not_finite=np.flatnonzero(not_finite & unmarked),
         unfinished=unfinished,
         both_flags=int((terminals & timeouts).sum()),
@@ -113,25 +111,28 @@ def _no_end(flagged: bool, horizon: int | None) -> FileProblem:
     )
 
 
-def _breaks(observations: Array, following: Array | None) -> tuple[BoolArray, BoolArray]:
-    """Where episodes break, and where that cannot be told.
+def _breaks(observations: Array, following: Array | None) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """Where episodes break, where they go on, and where that cannot be told.
 
     Returns:
         ``[N]``; True where the next observation is not that of the following row, as at the end of an episode. Values
         that are not finite, in either, say nothing about it.
-        ``[N]``; True where a next observation has such a value.
+        ``[N]``; True where it is, and all values are finite. The last row of a file goes nowhere.
+        ``[N]``; True where a next observation has a value that is not.
     """
-    breaks, not_finite = np.zeros((2, observations.rows), np.bool_)
+    breaks, goes_on, not_finite = np.zeros((3, observations.rows), np.bool_)
     if following is None:
-        return breaks, not_finite
+        return breaks, goes_on, not_finite
     for start, (these, nexts) in blocks([observations, following], further=1):
         with np.errstate(invalid="ignore", over="ignore"):
             differences = nexts[:-1].astype(np.float64) - these[1:]
             comparable = np.isfinite(nexts[:-1]) & np.isfinite(these[1:])
             squares = np.square(differences, where=comparable, out=np.zeros_like(differences)).sum(axis=1)
-        breaks[start : start + len(squares)] = squares > CONTINUES**2
+        here = slice(start, start + len(squares))
+        breaks[here] = squares > CONTINUES**2
+        goes_on[here] = ~breaks[here] & comparable.all(axis=1)
         not_finite[start : start + len(nexts)] = ~np.isfinite(nexts).all(axis=1)
-    return breaks, not_finite
+    return breaks, goes_on, not_finite
 
 
 def _stacked(observations: Array, following: Array | None, lengths: IntArray, last: IntArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray
-from lfobench.data.readers.arrays import Array, blocks
+from lfobench.data.readers.arrays import Array, blocks, in_proportion
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
 from lfobench.words import counted
 
@@ -73,7 +73,12 @@ def numbers(found: Array) -> FloatArray:
 
 
 def end_to_end(parts: list[Array]) -> FloatArray:
-    """Arrays end to end, each read straight to its place."""
+    """Arrays end to end, each read straight to its place.
+
+    Raises:
+        FileProblem: together they are out of proportion to the file, which has the same array under many names.
+    """
+    in_proportion(parts)
     whole = np.empty((sum(part.rows for part in parts), *parts[0].shape[1:]), np.float32)
     stop = 0
     for part in parts:

@@ -264,6 +264,20 @@ def test_a_robomimic_file_is_refused(tmp_path: Path, field: str, data: np.ndarra
         read(path)
 
 
+def test_one_episode_under_many_names_is_not_many_episodes(tmp_path: Path) -> None:
+    path = tmp_path / "file.hdf5"
+    with h5py.File(path, "w") as file:
+        first = file.create_group("episode_0")
+        for name, shape in {"observations": (5001, 40), "actions": (5000, 2), "rewards": (5000,)}.items():
+            first.create_dataset(name, data=np.zeros(shape, np.float32), compression="gzip")
+        for name in ("terminations", "truncations"):
+            first.create_dataset(name, data=np.zeros(5000, np.bool_), compression="gzip")
+        for index in range(1, 60):
+            file[f"episode_{index}"] = first
+    with pytest.raises(FileProblem, match=r"'episode_0/observations' and its like .* one and the same"):
+        read(path)
+
+
 def test_a_folder_without_a_dataset_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileProblem, match="a folder without"):
         read(tmp_path)
