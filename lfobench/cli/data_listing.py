@@ -36,7 +36,7 @@ def list_files(
 
     from lfobench.cli.inputs import suite_and_tasks
 
-    rows = _merged([suite_and_tasks(suite, tasks)] if suite else _everywhere(tasks), source)
+    rows = _merged([suite_and_tasks(suite, tasks)] if suite else _everywhere(tasks, source), source)
     if as_json:
         print_json(rows)
         return
@@ -57,11 +57,11 @@ def list_files(
     output.print(table)
 
 
-def _everywhere(tasks: str | None) -> list[tuple[str, str | None]]:
-    """Every registered suite with the globs that name some of its tasks; without those that have none.
+def _everywhere(tasks: str | None, source: str | None) -> list[tuple[str, str | None]]:
+    """Every registered suite that has such tasks and files of the source, with the globs that name some of its tasks.
 
     Raises:
-        UserError: for globs that name no task at all.
+        UserError: for globs that name no task at all, or a source that none of the tasks has.
     """
     from fnmatch import fnmatchcase
 
@@ -69,16 +69,20 @@ def _everywhere(tasks: str | None) -> list[tuple[str, str | None]]:
     from lfobench.plan.names import split_names
     from lfobench.registry import load_suite, suite_names, suites_of_tasks
 
-    if tasks is None:
-        return [(name, None) for name in suite_names()]
+    globs = ["*"] if tasks is None else split_names(tasks)
     found: list[tuple[str, str | None]] = []
+    sources: set[str] = set()
     for suite in suite_names():
-        names = [task.name for task in load_suite(suite).tasks]
-        globs = [glob for glob in split_names(tasks) if any(fnmatchcase(name, glob) for name in names)]
-        if globs:
-            found.append((suite, ",".join(globs)))
+        chosen = {glob: [task for task in load_suite(suite).tasks if fnmatchcase(task.name, glob)] for glob in globs}
+        matching = [glob for glob, tasks_of_glob in chosen.items() if tasks_of_glob]
+        declared = {name for tasks_of_glob in chosen.values() for task in tasks_of_glob for name in task.files}
+        sources |= declared
+        if matching and (source is None or source in declared):
+            found.append((suite, ",".join(matching)))
+    if not found and source is not None and sources:
+        raise unknown_name("source", source, sources)
     if not found:
-        raise unknown_name("task", tasks, suites_of_tasks())
+        raise unknown_name("task", tasks or "*", suites_of_tasks())
     return found
 
 

@@ -261,6 +261,9 @@ def test_a_glob_over_all_suites_names_those_that_have_such_tasks(lfobench_comman
     assert {suite for row in rows for suite in row["suites"]} == {"adroit", "adroit-paper", "table1", "table1-paper"}
     assert [row["file"] for row in rows] == ["pen-cloned-v0", "pen-expert-v0", "pen-human-v0"], "each once"
     assert_refused(lfobench_command("data", "ls", "--tasks", "pan-*"), "Unknown task 'pan-*'")
+    every = json.loads(lfobench_command("data", "ls", "--source", "d4rl", "--json").out)
+    assert len({row["file"] for row in every}) == len(every) == 24
+    assert_refused(lfobench_command("data", "ls", "--source", "d4lr"), "Unknown source 'd4lr'. Did you mean 'd4rl'?")
 
 
 def test_a_damaged_note_is_shown_and_can_be_forgotten(suite: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
