@@ -1,8 +1,8 @@
 """Your own data as a suite: ``lfobench run --suite docs/own_data.py --methods dilo,smodice,bc``.
 
-Two files beside this one, in the layout of D4RL, Minari or robomimic. The recipe takes all of `mine.hdf5`, the first 30
-trajectories of `theirs.hdf5` with their actions (by the published walk, which needs a 31st), and the first 1000 rows of
-those as the demonstration.
+Two files beside this one, in the layout of D4RL, Minari or robomimic. The recipe takes a million rows of `mine.hdf5` or
+what there is (200,000 under protocol ``quick``), the first 30 trajectories of `theirs.hdf5` with their actions (by the
+published walk, which needs a 31st), and the first 1000 rows of those as the demonstration.
 """
 
 from __future__ import annotations

@@ -61,6 +61,11 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.unlink()
 
 
+def cannot_delete(path: Path, error: OSError) -> UserError:
+    """The error for what the disk does not let go."""
+    return UserError(f"Cannot delete {path}: {error.strerror or error}.", "Delete it by hand, or allow it.")
+
+
 def _sync_folder(folder: Path) -> None:
     """Make a rename in `folder` survive a power cut, where the system can."""
     with suppress(OSError):

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from lfobench.words import counted, shown
+from lfobench.words import counted, harmless, shown
 
 
 def test_one_is_singular() -> None:
@@ -27,3 +27,7 @@ def test_one_is_singular() -> None:
 )
 def test_text_from_outside_is_escaped_and_short(text: str, expected: str) -> None:
     assert shown(text) == expected
+
+
+def test_a_path_stays_what_it_is_but_for_what_a_terminal_obeys() -> None:
+    assert harmless("/we  ird/\x1b[2J.hdf5\nnext") == "/we  ird/\\x1b[2J.hdf5 next"

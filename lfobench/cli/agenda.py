@@ -46,7 +46,7 @@ class Agenda:
         done: runs whose record is there.
         jobs: the others, grouped as they train together: on CUDA all seeds of a cell, on a CPU one by one, to be
             spread over processes.
-        requests: the generated parts that the jobs read, by task.
+        requests: the parts that the jobs read, by task.
         shards: what of those is still to build.
         cache: root of the dataset cache.
         workers: jobs that run at once: processes on a CPU, threads that share a CUDA device.
@@ -73,10 +73,10 @@ class Agenda:
     def needs(self) -> dict[str, Needs]:
         """By task; those whose runs are all done lack nothing. Parts that tasks share are counted for each."""
         found = {task.name: Needs() for task in self.plan.tasks}
-        for task, request in self.requests:
+        for (task, _), request in {(task, each.specification.hash): each for task, each in self.requests}.items():
             part, before = request.specification, found[task]
             if isinstance(part, FilePart) and request.path is None:
-                found[task] = replace(before, files=tuple(dict.fromkeys((*before.files, part.name))))
+                found[task] = replace(before, files=(*before.files, part.name))
             else:
                 missing = len(PartCache(self.cache, part).missing(request.transitions))
                 found[task] = replace(before, shards=before.shards + missing)

@@ -17,12 +17,10 @@ app.command()(data_files.verify)
 app.command()(doctor)
 app.command(name="rm")(data_files.remove)
 
-SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, or the path of its file.")]
-
 
 @app.command()
 def build(
-    suite: SuiteArgument,
+    suite: data_files.SuiteArgument,
     tasks: options.Tasks = None,
     protocol: options.ProtocolName = "auto",
     source: options.Source = "auto",
@@ -34,10 +32,10 @@ def build(
     """
     from lfobench.cli import execution
     from lfobench.cli.asked_data import asked_data
-    from lfobench.cli.inputs import available_cores
+    from lfobench.cli.inputs import available_cores, suite_and_tasks
     from lfobench.files import writable_folder
 
-    asked = asked_data(suite, tasks, protocol, source)
+    asked = asked_data(*suite_and_tasks(suite, tasks), protocol, source)
     writable_folder(asked.cache, "LFOBENCH_CACHE")
     shards = asked.missing_shards()
     stop = execution.StopRequest()
@@ -57,7 +55,7 @@ def _amount(row: dict[str, Any]) -> str:
 
 @app.command()
 def status(
-    suite: SuiteArgument = options.DEFAULT_SUITE,
+    suite: data_files.SuiteArgument = options.DEFAULT_SUITE,
     tasks: options.Tasks = None,
     protocol: options.ProtocolName = "auto",
     source: options.Source = "auto",
@@ -71,8 +69,9 @@ def status(
     from rich.table import Table
 
     from lfobench.cli.asked_data import asked_data
+    from lfobench.cli.inputs import suite_and_tasks
 
-    asked = asked_data(suite, tasks, protocol, source)
+    asked = asked_data(*suite_and_tasks(suite, tasks), protocol, source)
     rows = asked.rows()
     if as_json:
         print_json(rows)

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from lfobench.data.library import Library
 
 SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, the path of its file, or a registered task.")]
-SourceOption = Annotated[str | None, typer.Option("--source", help="Only files of this source. Default: the first.")]
+SourceOption = Annotated[
+    str | None, typer.Option("--source", help="Only files of this source. Default: the first that the suite declares.")
+]
 AnySource = Annotated[str | None, typer.Option("--source", help="Only files of this source. Default: all.")]
 
 

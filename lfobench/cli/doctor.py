@@ -52,7 +52,7 @@ def doctor(
 
 
 def _suite_of(subject: str, suite: str) -> str | None:
-    """Of a task: the suite if it has the task, else a registered one that does. None of a file, there or not.
+    """Of a task: the suite that has it, which may be any registered one where none is named. None of a file.
 
     Raises:
         UserError: neither a task nor what a file would be called.
@@ -62,9 +62,8 @@ def _suite_of(subject: str, suite: str) -> str | None:
 
     if exists(Path(subject)):
         return None
-    if any(subject == each.name for each in load_suite(suite).tasks):
-        return suite
-    owners = suites_of_tasks()
+    owners = suites_of_tasks() if suite == options.DEFAULT_SUITE else {}
+    owners |= {task.name: suite for task in load_suite(suite).tasks}
     if subject not in owners and not Path(subject).suffix and "/" not in subject:
         raise unknown_name("file or task", subject, owners)
     return owners.get(subject)

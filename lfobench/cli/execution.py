@@ -109,7 +109,7 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
             build_data(agenda.shards, agenda.builders, stop, quiet)
             RecordFolder(out).remove_leftovers()
             if not stop():
-                _look_at_files(agenda, rebuild, said, quiet)
+                _look_at_files(agenda, rebuild, said, stop, quiet)
             tally = Tally() if stop() else _train(agenda, expected, out, stop, said, quiet)
     except KeyboardInterrupt:
         stop.asked = True
@@ -127,7 +127,7 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, quiet: bool)
     return 0
 
 
-def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], said: Said, quiet: bool) -> None:
+def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], said: Said, stop: StopRequest, quiet: bool) -> None:
     """Refuse files that nothing can be learned from, and say what they lack, before anything trains on them."""
     cells: dict[str, list[Cell]] = {}
     for job in agenda.jobs:
@@ -135,6 +135,8 @@ def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], said: Said, qu
             cells.setdefault(job.cell.task.name, []).append(job.cell)
     with errors.status("Looking at the files…"):
         for name, of_task in cells.items():
+            if stop():
+                return
             data = load_task(agenda.cache, agenda.plan.suite, of_task[0].task, of_task[0].recipe, rebuild(name))
             check_parts(data)
             for cell in of_task if not quiet else ():

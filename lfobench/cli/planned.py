@@ -65,7 +65,7 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
 
 def _lacking(needs: Needs) -> str:
     counts = (("shard", needs.shards), ("file", len(needs.files)))
-    return ", ".join(counted(count, what, f"{what}s") for what, count in counts if count)
+    return ", ".join(counted(count, what) for what, count in counts if count)
 
 
 def _budget(protocol: Protocol) -> str:

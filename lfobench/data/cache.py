@@ -20,7 +20,7 @@ from safetensors.numpy import save_file
 from lfobench.contract.episodes import Episodes
 from lfobench.data.shard import ARRAYS, Arrays, Shard, open_shard, read_into, reserve
 from lfobench.errors import UserError
-from lfobench.files import replacing
+from lfobench.files import cannot_delete, replacing
 from lfobench.plan.file_parts import MOST_OF_A_NAME, FilePart
 from lfobench.plan.parts import Part
 
@@ -171,14 +171,17 @@ def forget_imports(root: Path, name: str, sha256: str) -> None:
     """Delete the shards that were made of a file, whichever of its columns and horizons they hold.
 
     Raises:
-        OSError: the disk refuses.
+        UserError: the disk refuses.
     """
     for folder in (root / IMPORTED).glob(f"{glob.escape(name[:MOST_OF_A_NAME])}-*"):
         made_of = None
         with suppress(SafetensorError, OSError, ValueError, KeyError):  # a damaged shard does not say it
             made_of = json.loads(open_shard(folder / "00000.safetensors").metadata["specification"])["sha256"]
         if made_of == sha256:
-            shutil.rmtree(folder)
+            try:
+                shutil.rmtree(folder)
+            except OSError as error:
+                raise cannot_delete(folder, error) from error
 
 
 def _combined(transitions: int | None, marks: Sequence[str]) -> str:

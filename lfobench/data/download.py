@@ -19,6 +19,7 @@ from pydantic import BaseModel
 from lfobench.data.download_errors import NO_ADDRESS, Broken, reason, way_out
 from lfobench.data.isolated import DataFileRefused
 from lfobench.errors import UserError
+from lfobench.files import cannot_delete
 from lfobench.words import shown
 
 MIRROR = "LFOBENCH_MIRROR"
@@ -101,7 +102,7 @@ def discard(target: Path) -> bool:
     except Timeout as error:
         raise UserError(f"Another process is fetching {target}.", "Wait until it is done, or stop it.") from error
     except OSError as error:
-        raise UserError(f"Cannot delete {target}: {error.strerror or error}.", "Delete it by hand.") from error
+        raise cannot_delete(target, error) from error
     return True
 
 

@@ -65,10 +65,10 @@ def bring(library: Library, wanted: Wanted, report: Report) -> Note:
     if first.startswith(MINARI):
         return _with_minari(library, wanted, first.removeprefix(MINARI))
     place = library.place(wanted.source, wanted.file)
-    fetched = fetch(wanted.file.name, wanted.file.addresses, place, lambda path: look(path, wanted), report)
-    if not fetched.address:
+    arrived = fetch(wanted.file.name, wanted.file.addresses, place, lambda path: look(path, wanted), report)
+    if not arrived.address:
         look(place, wanted)  # put there by hand, or by another process
-    return library.take_in(wanted.source, wanted.file, place, fetched.address)
+    return library.take_in(wanted.source, wanted.file, place, arrived.address)
 
 
 def adopt(library: Library, wanted: Wanted, folder: Path) -> Note | None:
@@ -102,16 +102,11 @@ def forget(library: Library, wanted: Wanted) -> bool:
     try:
         note = library.note(wanted.source, wanted.file)
     except UserError:
-        note = None  # damaged: what was made of the file cannot be told, and the note is forgotten like any other
+        note = None  # which hides what was made of the file, and is forgotten like any other
     deleted = bool(wanted.file.addresses) and discard(library.place(wanted.source, wanted.file))
-    try:
-        if note is not None:
-            forget_imports(library.cache, wanted.file.name, note.sha256)
-        library.forget(wanted.source, wanted.file)
-    except OSError as error:
-        raise UserError(
-            f"Cannot delete {error.filename}: {error.strerror}.", "Delete it by hand, or make its folder writable."
-        ) from error
+    if note is not None:
+        forget_imports(library.cache, wanted.file.name, note.sha256)
+    library.forget(wanted.source, wanted.file)
     return deleted
 
 

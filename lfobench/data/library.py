@@ -19,7 +19,7 @@ from lfobench.contract.files import DataFile
 from lfobench.data.readers.formats import data_file, sha256
 from lfobench.data.readers.hdf5 import FileProblem
 from lfobench.errors import UserError
-from lfobench.files import exists, write_text
+from lfobench.files import cannot_delete, exists, write_text
 from lfobench.plan.sources import OWN
 
 FILES = "files"
@@ -60,18 +60,18 @@ class Library(NamedTuple):
         """What is known of a file; None where nothing is.
 
         Raises:
-            UserError: its note is damaged, so that nothing says whether the file is the one that was first used.
+            UserError: its note says nothing, so that nobody knows whether the file is the one that was first used.
         """
         path = self._note_path(source, file)
         try:
             return Note.model_validate_json(path.read_bytes())
-        except OSError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
+        except OSError as error:
+            why = f"cannot be read ({error.strerror})"
+            raise _no_telling(path, why, file) from error
         except (ValueError, ValidationError) as error:
-            raise UserError(
-                f"The note {path} is damaged, so that nothing says which {file.name} was first used.",
-                "Delete it to take the file as it is now.",
-            ) from error
+            raise _no_telling(path, "is damaged", file) from error
 
     def has_note(self, source: str, file: DataFile) -> bool:
         """Whether there is a note of a file, readable or not."""
@@ -122,9 +122,13 @@ class Library(NamedTuple):
         """Remove the note of a file, so that the next one of its name is taken as it is.
 
         Raises:
-            OSError: the disk refuses.
+            UserError: the disk refuses.
         """
-        self._note_path(source, file).unlink(missing_ok=True)
+        path = self._note_path(source, file)
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise cannot_delete(path, error) from error
 
     def verify(self, source: str, file: DataFile) -> Note | None:
         """Hash a file again, however it looks; None where there is none.
@@ -192,6 +196,13 @@ def _content(path: Path) -> Path:
         return data_file(path)
     except FileProblem as problem:
         raise UserError(f"The data file {path} cannot be used: {problem.cause}.", problem.remedy) from problem
+
+
+def _no_telling(note: Path, why: str, file: DataFile) -> UserError:
+    return UserError(
+        f"The note {note} {why}, so that nothing says which {file.name} was first used.",
+        "Delete it to take the file as it is now.",
+    )
 
 
 def _changed(file: DataFile, path: Path, before: str, now: str, note: Path) -> UserError:

@@ -232,6 +232,8 @@ def test_what_files_lack_is_said_before_anything_trains(
         "has 1 episode and does not reach 2 trajectories by the released count, so none of it is mixed"
     )
     assert said < lonely.err.index("seed 0: score") and lonely.err.count("by the released count") == 1
+    quiet = lfobench_command(*run, "--steps", "20", "--json", "--source", f"{offline},expert={tmp_path / 'one.hdf5'}")
+    assert quiet.code == 0 and "released count" not in quiet.err
     empty = lfobench_command(*run, "--source", f"{offline},expert={tmp_path / 'row.hdf5'}")
     assert empty.code == 2 and "of its 1 row, 0 have two successors in their episode" in empty.err
 
@@ -252,8 +254,13 @@ def test_a_task_says_which_suite_it_is_of(lfobench_command: InProcess) -> None:
     assert_refused(
         lfobench_command("data", "download", "pen-human-expert", "--tasks", "pen-*"), "is one task", "Leave out"
     )
-    for command in ("verify", "doctor"):
+    for command in ("verify", "doctor", "status"):
         assert_refused(lfobench_command("data", command, "pen-humn-expert"), "Did you mean 'pen-human-expert'?")
+    own = ("--suite", Path(__file__).parents[2] / "docs" / "own_data.py")
+    for name in ("hopper-mine-exprt", "hopper-random-expert"):
+        refused = lfobench_command("data", "doctor", name, *own)
+        assert_refused(refused, f"Unknown file or task '{name}'. Did you mean 'hopper-mine-expert'?")
+    assert "scripted" in lfobench_command("data", "status", "pen-human-expert").out
 
 
 def test_a_glob_over_all_suites_names_those_that_have_such_tasks(lfobench_command: InProcess) -> None:
@@ -280,6 +287,12 @@ def test_two_own_files_of_one_name_are_two_rows(suite: Path, tmp_path: Path, lfo
     own = f'Files(own_file("{tmp_path}/a/x.hdf5"), own_file("{tmp_path}/b/x.hdf5"))'
     suite.write_text(suite.read_text().replace('Files(there("random"), there("expert"))', own))
     assert len(json.loads(lfobench_command("data", "ls", suite, "--source", "there", "--json").out)) == 2
+
+
+def test_one_file_for_both_parts_is_one_file(suite: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
+    suite.write_text(suite.read_text().replace('there("expert")', 'there("random")'))
+    planned = lfobench_command(*training(suite, tmp_path), "--source", "there", "--dry-run", "--json")
+    assert json.loads(planned.out)["data_lacking"]["pole-random-expert"]["files"] == ["pole-random-v0"]
 
 
 def test_what_cannot_be_deleted_is_named(suite: Path, tmp_path: Path, lfobench_command: InProcess) -> None:

@@ -98,6 +98,12 @@ def test_a_damaged_note_is_no_licence_to_take_another_file(library: Library, out
     assert library.find(FILE, "d4rl") == FILE, "an adopted file is forgotten with its note"
 
 
+def test_a_note_that_cannot_be_read_is_no_licence_either(library: Library, outside: Path) -> None:
+    (library.folder("d4rl") / f"{FILE.name}.json").mkdir(parents=True)
+    with pytest.raises(UserError, match=r"cannot be read .* so that nothing says which there-v2 was first used"):
+        library.take_in("d4rl", FILE, outside)
+
+
 def test_a_file_that_is_written_to_has_no_hash(
     library: Library, outside: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

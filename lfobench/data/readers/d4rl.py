@@ -14,7 +14,7 @@ import numpy as np
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray
 from lfobench.data.readers.arrays import Array, array, blocks
 from lfobench.data.readers.hdf5 import OTHER, FileProblem, members
-from lfobench.data.readers.reading import Reading, flags, numbers, row_numbers, same_columns, same_rows
+from lfobench.data.readers.reading import Reading, as_float32, flags, numbers, row_numbers, same_columns, same_rows
 
 ESSENTIAL = ("observations", "actions", "terminals")
 CONTINUES = 1e-6
@@ -140,11 +140,11 @@ def _stacked(observations: Array, following: Array | None, lengths: IntArray, la
     stacked = np.empty((observations.rows + len(lengths), observations.shape[1]), np.float32)
     place = row_numbers(lengths)
     for start, (block,) in blocks([observations]):
-        stacked[place[start : start + len(block)]] = block
+        stacked[place[start : start + len(block)]] = as_float32(block)
     if following is None:
         stacked[place[last] + 1] = np.nan
         return stacked
     for start, (block,) in blocks([following]):
         here = last[(last >= start) & (last < start + len(block))]
-        stacked[place[here] + 1] = block[here - start]
+        stacked[place[here] + 1] = as_float32(block[here - start])
     return stacked

@@ -68,7 +68,7 @@ def numbers(found: Array) -> FloatArray:
     """An array of numbers, whole; read in blocks, so that little more than the result is ever held."""
     whole = np.empty(found.shape, np.float32)
     for start, (block,) in blocks([found]):
-        _place(whole[start : start + len(block)], block)
+        whole[start : start + len(block)] = as_float32(block)
     return whole
 
 
@@ -83,14 +83,14 @@ def end_to_end(parts: list[Array]) -> FloatArray:
     stop = 0
     for part in parts:
         start, stop = stop, stop + part.rows
-        _place(whole[start:stop], part.read())
+        whole[start:stop] = as_float32(part.read())
     return whole
 
 
-def _place(target: FloatArray, values: NDArray[Any]) -> None:
+def as_float32(values: NDArray[Any]) -> FloatArray:
     """Values as float32; one beyond its range becomes infinite, which `checks` tells of."""
     with np.errstate(over="ignore"):
-        target[:] = values
+        return values.astype(np.float32, copy=False)
 
 
 def same_rows(arrays: list[Array], rows: int, measure: str) -> None:

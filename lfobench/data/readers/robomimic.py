@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 
 from lfobench.contract.episodes import Episodes, FloatArray, IntArray
-from lfobench.data.readers.arrays import Array, array
+from lfobench.data.readers.arrays import Array, array, in_proportion
 from lfobench.data.readers.hdf5 import OTHER, FileProblem, is_group, members, subgroup
 from lfobench.data.readers.reading import Reading, end_to_end, row_numbers, same_columns, same_rows
 
@@ -74,6 +74,7 @@ def read(root: h5py.File, columns: Sequence[str] = LOW_DIMENSIONAL) -> Reading:
 
 def _stacked(before: list[list[Array]], after: list[list[Array]], lengths: IntArray) -> FloatArray:
     """Observations of episodes ``[N + E, obs]``, column by column."""
+    in_proportion([each for arrays in before for each in arrays])
     widths = [first.shape[1] for first in before[0]]
     stacked = np.empty((int(lengths.sum()) + len(lengths), sum(widths)), np.float32)
     place, last = row_numbers(lengths), np.cumsum(lengths) - 1

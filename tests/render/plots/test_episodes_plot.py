@@ -45,6 +45,7 @@ def test_how_episodes_ended_is_told_apart_and_the_horizon_drawn() -> None:
     assert {y for _, y in marks(steps, "horizon")} == {9}
     colours = {line.get_color() for line in steps.lines}
     assert len(colours) == 3
+    assert not any(line.get_clip_on() for line in steps.lines if line.get_label() != "horizon"), "9 is the upper edge"
 
 
 def test_the_file_is_named_and_described_above() -> None:
