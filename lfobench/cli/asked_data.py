@@ -12,7 +12,7 @@ from lfobench.data.cache import PartCache
 from lfobench.data.library import Library
 from lfobench.data.source import TaskData, check_columns, load_task
 from lfobench.files import cache_folder
-from lfobench.plan.names import select_tasks, split_names
+from lfobench.plan.names import chosen_tasks
 from lfobench.plan.parts import PartRequest, build_command, requests
 from lfobench.plan.planning import choose_protocol
 from lfobench.plan.protocol import Protocol
@@ -96,7 +96,7 @@ def asked_data(suite: str, tasks: str | None, protocol: str, source: str) -> Ask
 
     loaded, cache = load_suite(suite), cache_folder()
     name, own = choose_source(source, loaded)
-    chosen = select_tasks(loaded.tasks, ["*"] if tasks is None else split_names(tasks))
+    chosen = chosen_tasks(loaded, tasks)
     budget, _ = choose_protocol(protocol, "cuda" if torch.cuda.is_available() else "cpu")
     return AskedData(suite, loaded, tuple(read_from(chosen, name, own, Library(cache).find)), name, budget, cache)
 

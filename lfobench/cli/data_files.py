@@ -164,11 +164,11 @@ def wanted_of(suite: str, tasks: str | None, source: str | None, every: bool = F
     """Files of the chosen tasks; without a source, of the suite's first one, or of `every` one."""
     from lfobench.data.fetching import wanted_files
     from lfobench.errors import UserError, unknown_name
-    from lfobench.plan.names import select_tasks, split_names
+    from lfobench.plan.names import chosen_tasks
     from lfobench.registry import load_suite
 
     loaded = load_suite(suite)
-    chosen = select_tasks(loaded.tasks, ["*"] if tasks is None else split_names(tasks))
+    chosen = chosen_tasks(loaded, tasks)
     declared = list(dict.fromkeys(name for task in chosen for name in task.files))
     if source is not None and source not in declared:
         raise unknown_name(f"source of {loaded.name}", source, declared)

@@ -83,12 +83,12 @@ def tune(
 def _all_with_grids(suite: str, tasks: str | None) -> str:
     """The methods that any of the tasks declares a grid for, as ``--methods`` takes them."""
     from lfobench.errors import UserError
-    from lfobench.plan.names import select_tasks, split_names
+    from lfobench.plan.names import chosen_tasks
     from lfobench.plan.tuning import methods_with_grids
     from lfobench.registry import load_suite
 
     loaded = load_suite(suite)
-    found = methods_with_grids(select_tasks(loaded.tasks, ["*"] if tasks is None else split_names(tasks)))
+    found = methods_with_grids(chosen_tasks(loaded, tasks))
     if not found:
         raise UserError(
             f"Suite '{loaded.name}' declares no grid{'' if tasks is None else ' for these tasks'}.",

@@ -8,8 +8,9 @@ from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from typing import Any
 
-from lfobench.contract.suite import Task
+from lfobench.contract.suite import Suite, Task
 from lfobench.errors import UserError, unknown_name
+from lfobench.registry import suites_of_tasks
 
 MAX_SEED = 2**32 - 1
 MAX_RANGE = 10_000
@@ -42,6 +43,21 @@ def parse_seeds(text: str) -> list[int]:
             )
         seeds.update(dict.fromkeys(range(int(first), int(last) + 1)))
     return list(seeds)
+
+
+def chosen_tasks(suite: Suite, globs: str | None) -> list[Task]:
+    """The tasks of a suite that ``--tasks`` names; all where it was left out.
+
+    Raises:
+        UserError: for a glob that matches nothing, saying where there is a task of that name.
+    """
+    patterns = ["*"] if globs is None else split_names(globs)
+    elsewhere = [glob for glob in patterns if not any(fnmatchcase(task.name, glob) for task in suite.tasks)]
+    owners = suites_of_tasks() if elsewhere else {}
+    for name in elsewhere:
+        if name in owners:
+            raise UserError(f"Task '{name}' is not in suite '{suite.name}'.", f"It is in: --suite {owners[name]}")
+    return select_tasks(suite.tasks, patterns)
 
 
 def select_tasks(tasks: Sequence[Task], patterns: Iterable[str]) -> list[Task]:

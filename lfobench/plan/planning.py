@@ -10,7 +10,7 @@ from lfobench.contract.method import PresetName
 from lfobench.contract.suite import Suite, Task, TrajectoryRecipe
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.cells import Cell, Run, configure
-from lfobench.plan.names import parse_assignments, parse_seeds, select_tasks, split_names
+from lfobench.plan.names import chosen_tasks, parse_assignments, parse_seeds, split_names
 from lfobench.plan.parts import requests, simulator_versions
 from lfobench.plan.precision import check_precision
 from lfobench.plan.protocol import Protocol, load_protocol
@@ -85,7 +85,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
     protocol = replace(protocol, assigned_steps=request.steps)
     suite = load_suite(request.suite)
     source, own = choose_source(request.source, suite)
-    chosen = select_tasks(suite.tasks, ["*"] if request.tasks is None else split_names(request.tasks))
+    chosen = chosen_tasks(suite, request.tasks)
     tasks = read_from(chosen, source, own, find)
     names = split_names(request.methods)
     if not names:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfobench.errors import UserError
-from lfobench.plan.names import MAX_SEED, parse_assignments, parse_seeds, select_tasks, split_names
+from lfobench.plan.names import MAX_SEED, chosen_tasks, parse_assignments, parse_seeds, select_tasks, split_names
 from lfobench.registry import load_suite
 
 TASKS = load_suite("locomotion").tasks
@@ -130,3 +130,14 @@ def test_numbers_and_flags_survive(field: str, value: float | bool) -> None:
     import json
 
     assert parse_assignments([f"bc.{field}={json.dumps(value)}"], ["bc"]) == {"bc": {field: value}}
+
+
+def test_a_task_of_another_suite_is_said_to_be_there() -> None:
+    locomotion = load_suite("locomotion")
+    with pytest.raises(
+        UserError, match=r"Task .pen-human-expert. is not in suite .locomotion.\. It is in: --suite adroit"
+    ):
+        chosen_tasks(locomotion, "hopper-*,pen-human-expert")
+    with pytest.raises(UserError, match="Unknown task 'pen-humn-expert'"):
+        chosen_tasks(locomotion, "pen-humn-expert")
+    assert chosen_tasks(locomotion, None) == list(locomotion.tasks)
