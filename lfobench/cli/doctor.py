@@ -52,7 +52,7 @@ def doctor(
 
 
 def _suite_of(subject: str, suite: str) -> str | None:
-    """Of a task: the suite that has it, which may be any registered one where none is named. None of a file.
+    """Of a task: the suite that has it, which may be any registered one besides the default. None of a file.
 
     Raises:
         UserError: neither a task nor what a file would be called.
@@ -115,7 +115,7 @@ def _show(found: dict[str, Diagnosis], inside: tuple[int, int] | None) -> None:
 def _as_json(subject: str, found: dict[str, Diagnosis], inside: tuple[int, int] | None) -> dict[str, Any]:
     from dataclasses import asdict
 
-    told = [{"usable": each.usable, **asdict(each)} for each in found.values()]
+    told = [{"usable": each.usable, "terminated": each.terminated, **asdict(each)} for each in found.values()]
     if inside is None:
         return {"file": subject, **told[0]}
     return {"task": subject, "offline": told[0], "expert": told[1], "expert_rows_inside_offline": inside[0]}

@@ -119,7 +119,7 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
     from lfobench.cli.asked_data import asked_data
     from lfobench.contract.suite import TrajectoryRecipe
     from lfobench.data.manifest import manifest
-    from lfobench.plan.sources import absent_files
+    from lfobench.plan.sources import absent_files, download_command
 
     asked = asked_data(suite, name, protocol_name, source)
     (task,), protocol = asked.tasks, asked.protocol
@@ -145,7 +145,7 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
         output.print(f"grid of {method}: {escape(fields)}", soft_wrap=True)
     if absent := absent_files([task]):
         names = ", ".join(file.name for file in absent)
-        fetch = f"lfobench data download {suite} --source {asked.source} --tasks {name}"
+        fetch = download_command(suite, asked.source, name)
         output.print(f"files not here: {escape(names)}; fetch them: {escape(fetch)}", soft_wrap=True)
         return
     if counted is None:

@@ -53,7 +53,6 @@ class Diagnosis:
         action: columns of an action.
         lengths: steps of every episode.
         returns: of every episode; empty where rewards are missing or not finite.
-        terminated: episodes that ended by themselves.
         terminations: of every episode, whether it ended by itself.
         timeouts: whether the file says which episodes time ended; where it does not, those that did not end by
             themselves may have ended in any way.
@@ -67,12 +66,16 @@ class Diagnosis:
     action: int
     lengths: tuple[int, ...]
     returns: tuple[float, ...]
-    terminated: int
     terminations: tuple[bool, ...]
     timeouts: bool
     horizon: int | None
     findings: tuple[Finding, ...]
     modes: tuple[Mode, ...]
+
+    @property
+    def terminated(self) -> int:
+        """Episodes that ended by themselves."""
+        return sum(self.terminations)
 
     @property
     def usable(self) -> bool:

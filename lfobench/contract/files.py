@@ -42,7 +42,8 @@ def own_file(path: str | Path) -> DataFile:
     """A user's file, called by its own name; ``~`` is the home folder.
 
     Raises:
-        ValueError: the path is relative, and would be another file in another working folder; or no text.
+        ValueError: the path is relative, and would be another file in another working folder; or it cannot
+            be written into a record.
     """
     place = Path(path).expanduser()
     if not str(place).isprintable():

@@ -32,7 +32,6 @@ def diagnose(reading: Reading, horizon: int | None = None, shortened: bool = Fal
         action=episodes.actions.shape[1],
         lengths=tuple(episodes.lengths.tolist()),
         returns=tuple(episodes.returns().tolist()) if np.isfinite(episodes.rewards).all() else (),
-        terminated=int(episodes.terminated.sum()),
         terminations=tuple(episodes.terminated.tolist()),
         timeouts=reading.timeouts,
         horizon=horizon,

@@ -98,7 +98,7 @@ def discard(target: Path) -> bool:
     try:
         with FileLock(f"{target}.lock", timeout=0):
             target.unlink(missing_ok=True)
-            _discard(_partial(target))
+            _discard_partial(_partial(target))
     except Timeout as error:
         raise UserError(f"Another process is fetching {target}.", "Wait until it is done, or stop it.") from error
     except OSError as error:
@@ -126,12 +126,12 @@ def _from_any(
         except _Failed as failure:
             tried.append(f"{address}: {failure}")
         except DataFileRefused as refusal:
-            _discard(partial)
+            _discard_partial(partial)
             # What was looked at is gone; the address is where it can be seen again.
             tried.append(refusal.problem.replace(str(partial), address).rstrip("."))
         else:
             partial.replace(target)
-            _discard(partial)
+            _discard_partial(partial)
             return Fetched(target, address)
     raise UserError(
         f"{name} could not be fetched ({'; '.join(tried)}).",
@@ -148,7 +148,7 @@ def _from_one(address: str, partial: Path, report: Report) -> None:
     if scheme not in ("http", "https"):
         raise _Failed("only http and https addresses are fetched")
     if (origin := _origin(partial)) is None or origin.address != address or not origin.validator:
-        _discard(partial)
+        _discard_partial(partial)
     for attempt in range(1, ATTEMPTS + 1):
         before = _size(partial)
         try:
@@ -157,8 +157,6 @@ def _from_one(address: str, partial: Path, report: Report) -> None:
             # Bytes that were no part of the file are gone by now, and the next attempt begins anew.
             if attempt == ATTEMPTS or 0 < _size(partial) <= before or before == _size(partial) == 0:
                 raise _Failed(reason(error)) from error
-        except ValueError as error:  # not every place that a host sends us to is one that requests tells of
-            raise _Failed(NO_ADDRESS) from error
         else:
             return
 
@@ -168,11 +166,11 @@ def _attempt(address: str, partial: Path, report: Report) -> None:
     headers = {"Accept-Encoding": "identity"}
     if here and origin is not None and origin.validator:
         headers |= {"Range": f"bytes={here}-", "If-Range": origin.validator}
-    with requests.get(address, headers=headers, stream=True, timeout=(CONNECT_SECONDS, SILENT_SECONDS)) as answer:
+    with _ask(address, headers) as answer:
         if answer.status_code == requests.codes.requested_range_not_satisfiable:
             if answer.headers.get("Content-Range", "") == f"bytes */{here}":
                 return
-            _discard(partial)
+            _discard_partial(partial)
             raise Broken("the host has another file than before")
         if not answer.ok:
             raise _Failed(f"{answer.status_code} {shown(answer.reason or '')}".strip())
@@ -182,7 +180,7 @@ def _attempt(address: str, partial: Path, report: Report) -> None:
         total = None if encoded else _total(answer, here if continued else 0)
         place = answer.headers.get("Content-Range", "")
         if continued and (encoded or not place.startswith(f"bytes {here}-") or origin is None or origin.total != total):
-            _discard(partial)
+            _discard_partial(partial)
             raise Broken("the host continues another file, or from another place")
         if not continued:
             validator = "" if encoded else _validator(answer)
@@ -195,6 +193,15 @@ def _attempt(address: str, partial: Path, report: Report) -> None:
             os.fsync(file.fileno())
     if total is not None and _size(partial) != total:
         raise Broken(f"{_size(partial):,} of {total:,} bytes came")
+
+
+def _ask(address: str, headers: dict[str, str]) -> requests.Response:
+    try:
+        return requests.get(address, headers=headers, stream=True, timeout=(CONNECT_SECONDS, SILENT_SECONDS))
+    except requests.RequestException:
+        raise
+    except ValueError as error:  # of an address that a host sends us to, which requests does not tell of itself
+        raise _Failed(NO_ADDRESS) from error
 
 
 def _total(answer: requests.Response, before: int) -> int | None:
@@ -232,6 +239,6 @@ def _origin(partial: Path) -> _Origin | None:
         return None
 
 
-def _discard(partial: Path) -> None:
+def _discard_partial(partial: Path) -> None:
     for path in (partial, _marker(partial)):
         path.unlink(missing_ok=True)

@@ -131,6 +131,12 @@ def absent_files(tasks: Sequence[Task]) -> list[DataFile]:
     return list(found.values())
 
 
+def download_command(suite: str, source: str, task: str | None = None) -> str:
+    """What a user types to fetch the files of a suite's tasks, or of one."""
+    words = ["lfobench", "data", "download", suite, "--source", source]
+    return shlex.join(words if task is None else [*words, "--tasks", task])
+
+
 def check_here(tasks: Sequence[Task], suite: str, source: str) -> None:
     """Refuse tasks whose files are not here.
 
@@ -138,10 +144,8 @@ def check_here(tasks: Sequence[Task], suite: str, source: str) -> None:
         UserError: naming them and the command that brings them.
     """
     if absent := absent_files(tasks):
-        words = ["lfobench", "data", "download", suite, "--source", source]
-        if len(tasks) == 1:
-            words += ["--tasks", tasks[0].name]
+        fetch = download_command(suite, source, tasks[0].name if len(tasks) == 1 else None)
         raise UserError(
             f"Not here: the data {'file' if len(absent) == 1 else 'files'} {', '.join(file.name for file in absent)}.",
-            f"Fetch: {shlex.join(words)}; with --from DIR, those you have are used where they lie.",
+            f"Fetch: {fetch}; with --from DIR, those you have are used where they lie.",
         )

@@ -64,11 +64,12 @@ def counts_trajectories(record: Record) -> bool:
 
 
 def _files(records: Sequence[Record]) -> str:
-    """What the files are called, where all records were made of the same."""
+    """What the files are called, where all records were made of the same; the other part is generated."""
     named = [record.provenance.get("data_files") for record in records]
     if not all(files == named[0] for files in named) or not isinstance(named[0], dict):
         return ""
-    names = (f"{part} {file.get('name')}" for part, file in named[0].items() if isinstance(file, dict))
+    files = {part: named[0].get(part) for part in ("offline", "expert")}
+    names = (f"{part} {file.get('name') if isinstance(file, dict) else GENERATED}" for part, file in files.items())
     return f" ({', '.join(names)})"
 
 

@@ -102,6 +102,13 @@ def test_the_arguments_of_an_environment_are_named_with_it() -> None:
     assert text.endswith("; Hopper-v5, Kitchen-v1 (variant = mixed, goal = True).")
 
 
+def test_files_are_named_and_what_is_generated_beside_them() -> None:
+    record = make_record(50.0, source="files")
+    files = {"offline": {"name": "mine", "sha256": "5" * 64}}
+    named = record.model_copy(update={"provenance": record.provenance | {"data_files": files}})
+    assert notes([named])["Source"].startswith("files (offline mine, expert generated). Offline data:")
+
+
 def test_what_a_file_lacks_of_the_recipe_is_said() -> None:
     whole, short = make_record(50.0), make_record(50.0, row="walker2d")
     counts = Counts(offline_transitions=600, expert_trajectories=0, demonstration_rows=1000)

@@ -18,7 +18,6 @@ FOUND = Diagnosis(
     action=3,
     lengths=(9, 4, 9),
     returns=(1.0, 0.5, 2.0),
-    terminated=1,
     terminations=(False, True, False),
     timeouts=True,
     horizon=9,
@@ -67,7 +66,7 @@ def test_episodes_are_counted_in_whole_numbers() -> None:
 
 
 def test_nothing_is_drawn_that_is_not_known() -> None:
-    unknown = replace(FOUND, returns=(), terminated=0, terminations=(False,) * 3, timeouts=False, horizon=None)
+    unknown = replace(FOUND, returns=(), terminations=(False,) * 3, timeouts=False, horizon=None)
     figure = episodes(unknown, "file.hdf5", 3.3)
     assert (len(figure.axes), labels(figure)) == (1, ["not terminated"])
 
