@@ -2,7 +2,7 @@
 
 The rooms of the house, in the order in which data flows:
 ``cli`` -> ``plan`` -> ``data`` -> ``engine`` -> ``executors`` -> ``store`` -> ``stats`` -> ``render``.
-``contract`` holds what methods and suites agree on with the harness.
+``contract`` holds what methods and suites agree on with the harness; ``schedule`` carries a plan out on this machine.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Worker processes that leave interrupts to their parent and never outlive it."""
+"""The cores of this process, and worker processes that leave interrupts to their parent and never outlive it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ from multiprocessing import resource_tracker
 
 # malloc.h
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

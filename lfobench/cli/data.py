@@ -30,17 +30,19 @@ def build(
 
     Example: lfobench data build locomotion --tasks 'hopper-*' --protocol quick
     """
-    from lfobench.cli import execution
     from lfobench.cli.asked_data import asked_data
-    from lfobench.cli.inputs import available_cores, suite_and_tasks
+    from lfobench.cli.inputs import suite_and_tasks
+    from lfobench.cli.progress import Terminal, stopping
     from lfobench.files import writable_folder
+    from lfobench.processes import available_cores
+    from lfobench.schedule.execution import StopRequest, build_data
 
     asked = asked_data(*suite_and_tasks(suite, tasks), protocol, source)
     writable_folder(asked.cache, "LFOBENCH_CACHE")
     shards = asked.missing_shards()
-    stop = execution.StopRequest()
+    stop = StopRequest(stopping)
     with stop.listening():
-        execution.build_data(shards, workers or available_cores(), stop)
+        build_data(shards, workers or available_cores(), stop, Terminal())
     if stop():
         output.print("Stopped. The same command continues from here.")
         raise typer.Exit(INTERRUPTED)

@@ -71,13 +71,6 @@ def suite_and_tasks(name: str, tasks: str | None) -> tuple[str, str | None]:
     return owners[name], name
 
 
-def available_cores() -> int:
-    """Cores that this process may use."""
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def read_folder(out: Path) -> RecordsRead:
     """The records of an output folder; none where it does not exist yet."""
     from lfobench.errors import UserError

@@ -10,11 +10,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from lfobench.cli.agenda import Agenda, Forecast, Needs
 from lfobench.cli.console import duration, output
 from lfobench.cli.inputs import warn
 from lfobench.plan.protocol import Protocol
 from lfobench.plan.sources import absent_files
+from lfobench.schedule.agenda import Agenda, Forecast, Needs
 from lfobench.words import counted
 
 

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
 
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, Task, TextColumn, TimeRemainingColumn
 from rich.table import Column
 from rich.text import Text
 
-from lfobench.cli.agenda import Agenda, Forecast
-from lfobench.cli.console import duration, errors
-from lfobench.engine.job import Job
+from lfobench.cli.console import INTERRUPTED, duration, errors
+from lfobench.cli.inputs import warn
+from lfobench.contract.record import Warning
+from lfobench.data.build import ImportJob, ShardJob
+from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance
+from lfobench.executors.events import Ended, Event
+from lfobench.schedule.agenda import Agenda, Forecast
+from lfobench.schedule.execution import StopRequest, Watcher, carry_out_agenda
+from lfobench.words import counted
 
 LOG_SECONDS = 60.0
 
@@ -111,3 +118,94 @@ class JobLine:
     def remove(self) -> None:
         """The job is over."""
         self._bars.remove_task(self._task)
+
+
+class Terminal(Watcher):
+    """Shows work on standard error as it is carried out.
+
+    Args:
+        quiet: show nothing but jobs that fail.
+    """
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._quiet = quiet
+        self._warned: set[Warning] = set()
+
+    def phase(self, what: str) -> AbstractContextManager[object]:
+        """A line that goes away."""
+        return errors.status(what)
+
+    def warn(self, warnings: Iterable[Warning]) -> None:
+        """Print those that were not printed before."""
+        new = [warning for warning in dict.fromkeys(warnings) if warning not in self._warned]
+        if not self._quiet:
+            warn(new)
+        self._warned.update(new)
+
+    def building(
+        self, shards: Sequence[ShardJob | ImportJob], made: Iterator[ShardJob | ImportJob]
+    ) -> Iterator[ShardJob | ImportJob]:
+        """A bar of shards."""
+        with display(self._quiet) as shown:
+            task = shown.bars.add_task("Building data", total=len(shards), count=f"0/{len(shards)}", note="shards")
+            for done, job in enumerate(made, start=1):
+                note = f"{job.level} of {job.task}"
+                shown.bars.update(task, completed=done, count=f"{done}/{len(shards)}", note=note)
+                shown.tick()
+                yield job
+        if not self._quiet:
+            errors.print(f"Built {counted(len(shards), 'shard')}.")
+
+    def training(self, agenda: Agenda, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
+        """A bar of everything, one of every running job, a line for every record."""
+        with display(self._quiet) as shown:
+            overall = OverallLine(shown.bars, agenda, expected)
+            lines: dict[int, JobLine] = {}
+            for event in events:
+                job, what = agenda.jobs[event.index], event.what
+                if isinstance(what, Advance):
+                    if event.index not in lines:
+                        lines[event.index] = JobLine(shown.bars, job)
+                    lines[event.index].update(what)
+                    overall.advance(event.index, what.done / what.total)
+                elif isinstance(what, Recorded):
+                    overall.recorded()
+                    mark = " [red]diverged[/]" if what.diverged else ""
+                    if not self._quiet:
+                        errors.print(f"{escape(what.run)}: score {what.score:.1f}{mark}")
+                    self.warn(what.warnings)
+                elif line := lines.pop(event.index, None):
+                    line.remove()
+                yield event
+                shown.tick()
+
+    def failed(self, job: Job, ended: Ended, kept: Sequence[Path]) -> None:
+        """One line, and one for every file that holds a traceback."""
+        if ended.outcome == "busy":
+            errors.print(f"{escape(', '.join(run.label for run in job.runs))}: skipped, {ended.message}.")
+            return
+        errors.print(f"[bold red]Failed:[/] {escape(job.cell.label)}: {escape(ended.message)}", soft_wrap=True)
+        for path in kept:
+            errors.print(f"        traceback in {escape(str(path))}", soft_wrap=True)
+
+
+def stopping() -> None:
+    """Printed when a stop is asked for."""
+    errors.print("\nStopping: saving where every run stands. Press Ctrl-C again to quit at once.")
+
+
+def carry_out(agenda: Agenda, expected: Forecast, out: Path, quiet: bool) -> int:
+    """Carry an agenda out, shown on the terminal; returns the exit code.
+
+    Raises:
+        UserError: for data that is damaged, or a folder that cannot be written into.
+    """
+    tally = carry_out_agenda(agenda, expected, out, StopRequest(stopping), Terminal(quiet))
+    if tally.stopped:
+        errors.print("Stopped. The same command continues from here.")
+        return INTERRUPTED
+    if tally.failed:
+        errors.print(f"[bold red]{tally.failed} failed.[/] The same command tries them again.")
+    elif tally.busy:
+        errors.print(f"{tally.busy} left to the other process that is training them. Run again to see them done.")
+    return 1 if tally.failed or tally.busy else 0

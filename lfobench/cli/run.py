@@ -33,13 +33,17 @@ def run(
     """
     from rich.markup import escape
 
-    from lfobench.cli import execution, packing, planned
+    from lfobench.cli import planned
+    from lfobench.cli.progress import carry_out
+    from lfobench.schedule.execution import remove_checkpoints_of_the_finished
+    from lfobench.schedule.packing import arranged
 
     wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision)
     plan = resolve(wanted, out if tuned else None)
     read = read_folder(out)
     warn(read.warnings)
-    todo, expected = packing.arranged(plan, read, out, workers)
+    with errors.status("Measuring this machine…"):
+        todo, expected = arranged(plan, read, out, workers)
     if as_json:
         print_json(planned.as_json(todo, expected))
     else:
@@ -47,9 +51,9 @@ def run(
     if dry_run:
         return
     if not todo.jobs:
-        execution.remove_checkpoints_of_the_finished(todo, out)
+        remove_checkpoints_of_the_finished(todo, out)
         return
-    code = execution.carry_out_agenda(todo, expected, out, quiet=as_json)
+    code = carry_out(todo, expected, out, quiet=as_json)
     if code == 0 and not as_json:
         errors.print(f"Done. Next: lfobench table --out {escape(str(out))}", soft_wrap=True)
     raise typer.Exit(code)

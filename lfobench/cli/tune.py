@@ -50,9 +50,11 @@ def tune(
     """
     from dataclasses import replace
 
-    from lfobench.cli import execution, packing, planned
+    from lfobench.cli import planned
+    from lfobench.cli.progress import carry_out
     from lfobench.files import remove_leftovers
     from lfobench.plan.tuning import searches
+    from lfobench.schedule.packing import arranged
     from lfobench.store.tuning import TuningFolder
 
     named = methods if methods is not None else _all_with_grids(suite, tasks)
@@ -61,14 +63,15 @@ def tune(
     found = searches(plan, wanted.assignments)
     trials = replace(plan, cells=tuple(trial for search in found for trial in search.trials(starts)))
     folder = TuningFolder(out)
-    todo, expected = packing.arranged(trials, _finished(folder.trials, trials), folder.trials.root, workers)
+    with errors.status("Measuring this machine…"):
+        todo, expected = arranged(trials, _finished(folder.trials, trials), folder.trials.root, workers)
     if not as_json:
         planned.show(todo, expected, folder.trials.root)
     elif dry_run:
         print_json(planned.as_json(todo, expected))
     if dry_run:
         return
-    code = execution.carry_out_agenda(todo, expected, folder.trials.root, quiet=as_json) if todo.jobs else 0
+    code = carry_out(todo, expected, folder.trials.root, quiet=as_json) if todo.jobs else 0
     remove_leftovers(folder.trials.root)
     choices = _choose(folder, found, starts, plan.seeds)
     if as_json:

@@ -13,11 +13,12 @@ from filelock import FileLock
 from helpers_cli import InProcess, assert_refused
 from helpers_engine import StopAfter
 
-from lfobench.cli import execution
+from lfobench.cli.console import INTERRUPTED
 from lfobench.contract.record import Record
 from lfobench.contract.suite import Task
 from lfobench.engine import evaluation
 from lfobench.registry import load_suite, suite_names
+from lfobench.schedule import execution
 from lfobench.store.folder import RecordFolder, read_record
 from methods.bco import Bco
 
@@ -177,7 +178,7 @@ def test_a_stopped_search_goes_on_where_it_stood(
     with monkeypatch.context() as patch:
         patch.setattr(execution.StopRequest, "__call__", lambda _: stop())
         stopped = lfobench_command(*TUNE, "--methods", "bc", "--out", tmp_path)
-    assert stopped.code == execution.INTERRUPTED
+    assert stopped.code == INTERRUPTED
     assert len(trial_files(tmp_path)) == 1
     assert list((tmp_path / "tuning" / "checkpoints").glob("*.safetensors"))
     assert not (tmp_path / "tuning" / TASK).exists(), "nothing is chosen from half of the trials"

@@ -9,9 +9,6 @@ from pathlib import Path
 
 import torch
 
-from lfobench.cli.agenda import Agenda, Forecast, forecast, make_agenda
-from lfobench.cli.console import errors
-from lfobench.cli.inputs import available_cores
 from lfobench.contract.record import Warning
 from lfobench.engine.job import Job
 from lfobench.engine.memory import Footprint, Memory, fitting_groups, fitting_together, memory_of
@@ -19,6 +16,8 @@ from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
 from lfobench.files import cache_folder
 from lfobench.plan.planning import Plan
+from lfobench.processes import available_cores
+from lfobench.schedule.agenda import Agenda, Forecast, forecast, make_agenda
 from lfobench.store.folder import RecordsRead
 
 # Jobs that share a CUDA device: one keeps it busy, the others load, record and wait.
@@ -42,10 +41,9 @@ def arranged(plan: Plan, read: RecordsRead, out: Path, workers: int | None) -> t
         UserError: for a run whose records contradict each other.
     """
     agenda = make_agenda(plan, read, out, cache_folder(), workers or available_cores())
-    with errors.status("Measuring this machine…"):
-        prober = Prober(plan.device)
-        agenda = packed(agenda, prober, memory_of(torch.device(plan.device)), available_cores(), workers)
-        return agenda, forecast(agenda, prober)
+    prober = Prober(plan.device)
+    agenda = packed(agenda, prober, memory_of(torch.device(plan.device)), available_cores(), workers)
+    return agenda, forecast(agenda, prober)
 
 
 def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: int | None) -> Agenda:

@@ -10,14 +10,14 @@ from typing import cast
 import pytest
 from helpers_engine import POLE_TASK, TINY, smoke_cell
 
-from lfobench.cli.agenda import Agenda, forecast, make_agenda
-from lfobench.cli.packing import LANES, PROCESS_BYTES, packed
 from lfobench.contract.suite import Demonstrator, Environment
 from lfobench.engine.memory import Footprint, Memory
 from lfobench.engine.probe import Estimate, Prober
 from lfobench.errors import UserError
 from lfobench.plan.cells import Cell
 from lfobench.plan.planning import Request, make_plan
+from lfobench.schedule.agenda import Agenda, forecast, make_agenda
+from lfobench.schedule.packing import LANES, PROCESS_BYTES, packed
 from lfobench.store.folder import RecordsRead
 
 GB = 2**30

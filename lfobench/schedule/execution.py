@@ -1,0 +1,215 @@
+"""Carrying out an agenda: data is built, files are looked at, runs train; a stop saves and leaves the rest.
+
+Nothing is printed here: a `Watcher` sees all of it.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from lfobench.contract.record import Warning
+from lfobench.data.build import ImportJob, ShardJob, build, check_present
+from lfobench.data.cache import GENERATED
+from lfobench.data.remarks import check_parts, remarks
+from lfobench.data.source import load_task
+from lfobench.engine.job import Job, carry_out
+from lfobench.executors import lanes, local, pool
+from lfobench.executors.events import Ended, Event
+from lfobench.files import remove_leftovers, writable_folder
+from lfobench.plan.cells import Cell, Run
+from lfobench.plan.parts import build_command
+from lfobench.plan.sources import check_here, spelled
+from lfobench.schedule.agenda import Agenda, Forecast
+from lfobench.store.failures import write_failure
+from lfobench.store.folder import RecordFolder
+
+
+@dataclass
+class Tally:
+    """How the work ended.
+
+    Attributes:
+        failed: jobs that crashed.
+        busy: jobs that another process is at.
+        stopped: whether a stop was asked for before everything was done.
+    """
+
+    failed: int = 0
+    busy: int = 0
+    stopped: bool = False
+
+    def count(self, ended: Ended) -> None:
+        """Add one ended job."""
+        self.failed += ended.outcome == "failed"
+        self.busy += ended.outcome == "busy"
+
+
+class Watcher:
+    """Sees what is carried out, and shows it if it likes; this one shows nothing."""
+
+    def phase(self, what: str) -> AbstractContextManager[object]:
+        """Something that takes a moment, for as long as the block lasts."""
+        return nullcontext()
+
+    def warn(self, warnings: Iterable[Warning]) -> None:
+        """Remarks on the data, before anything trains on it."""
+
+    def building(
+        self, shards: Sequence[ShardJob | ImportJob], made: Iterator[ShardJob | ImportJob]
+    ) -> Iterator[ShardJob | ImportJob]:
+        """Every shard as it is made."""
+        return made
+
+    def training(self, agenda: Agenda, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
+        """Every event of the agenda's jobs as it comes."""
+        return events
+
+    def failed(self, job: Job, ended: Ended, kept: Sequence[Path]) -> None:
+        """A job did not end with its records; what is known of it is kept in files."""
+
+
+class StopRequest:
+    """Set by the first Ctrl-C or SIGTERM; the second ends the process at once.
+
+    Args:
+        announce: called once, when a stop is asked for.
+    """
+
+    def __init__(self, announce: Callable[[], None] = lambda: None) -> None:
+        self.asked = False
+        self._announce = announce
+
+    def __call__(self) -> bool:
+        """Whether a stop was asked for."""
+        return self.asked
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Handle signals inside the block. Only the main thread can; in any other, nothing asks for a stop."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        previous = {number: signal.signal(number, self._handle) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in previous.items():
+                signal.signal(number, handler)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+        self._announce()
+
+
+def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, watcher: Watcher) -> Tally:
+    """Build the missing data, train the pending runs.
+
+    Raises:
+        UserError: for data that is damaged, or a folder that cannot be written into.
+    """
+    plan = agenda.plan
+    check_here(plan.tasks, plan.cells[0].suite, plan.cells[0].source)
+    sources = {task.name: spelled(task, plan.cells[0].source) for task in plan.tasks}
+
+    def rebuild(task: str) -> str:
+        return build_command(plan.cells[0].suite, plan.protocol.name, task, sources[task])
+
+    with watcher.phase("Checking the data…"):
+        check_present(agenda.cache, agenda.requests, rebuild)
+    if agenda.shards:
+        writable_folder(agenda.cache, "LFOBENCH_CACHE")
+    writable_folder(out, "--out")
+    tally = Tally()
+    try:
+        with stop.listening():
+            build_data(agenda.shards, agenda.builders, stop, watcher)
+            RecordFolder(out).remove_leftovers()
+            if not stop():
+                _look_at_files(agenda, rebuild, stop, watcher)
+            if not stop():
+                _train(agenda, expected, out, stop, watcher, tally)
+    except KeyboardInterrupt:
+        stop.asked = True
+    tally.stopped = stop()
+    if not (tally.stopped or tally.failed or tally.busy):
+        remove_checkpoints_of_the_finished(agenda, out)
+    return tally
+
+
+def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], stop: StopRequest, watcher: Watcher) -> None:
+    """Refuse files that nothing can be learned from, and say what they lack, before anything trains on them."""
+    cells: dict[str, list[Cell]] = {}
+    for job in agenda.jobs:
+        if job.cell.task.read_from is not None:
+            cells.setdefault(job.cell.task.name, []).append(job.cell)
+    with watcher.phase("Looking at the files…"):
+        for name, of_task in cells.items():
+            if stop():
+                return
+            data = load_task(agenda.cache, agenda.plan.suite, of_task[0].task, of_task[0].recipe, rebuild(name))
+            check_parts(data)
+            for cell in of_task:
+                watcher.warn(list(remarks(data, cell.method.needs(cell.config))))
+
+
+def remove_checkpoints_of_the_finished(agenda: Agenda, out: Path) -> None:
+    """Delete what jobs left that were killed between two records, or between the last one and their checkpoint's end.
+
+    Records are written in the order of the seeds, so what is left of a job trains as another one, and nobody else would
+    ever look at its checkpoint.
+    """
+    plan, folder = agenda.plan, RecordFolder(out)
+    for cell in plan.cells:
+        if not all(folder.path(Run(cell, seed)).exists() for seed in plan.seeds):
+            continue
+        remainders = {plan.seeds[first:] for first in range(len(plan.seeds))}
+        for seeds in remainders | {(seed,) for seed in plan.seeds}:
+            with suppress(OSError):
+                folder.checkpoint(Job(cell, seeds, out, agenda.cache, plan.device).hash).unlink()
+
+
+def build_data(
+    shards: Sequence[ShardJob | ImportJob], workers: int, stop: Callable[[], bool], watcher: Watcher
+) -> None:
+    """Build shards; a stop leaves whole shards only."""
+    if not shards:
+        return
+    remove_leftovers(shards[0].root / GENERATED)
+    for _ in watcher.building(shards, build(shards, workers)):
+        if stop():
+            return
+
+
+def _train(
+    agenda: Agenda, expected: Forecast, out: Path, stop: Callable[[], bool], watcher: Watcher, tally: Tally
+) -> None:
+    work = agenda.jobs
+    for event in watcher.training(agenda, expected, _events(work, agenda.workers, stop)):
+        job, what = work[event.index], event.what
+        if isinstance(what, Ended):
+            tally.count(what)
+            if what.outcome in ("busy", "failed"):
+                watcher.failed(job, what, _kept(RecordFolder(out), job, what))
+
+
+def _events(work: Sequence[Job], workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
+    if work and work[0].device == "cuda":
+        return lanes.execute(work, carry_out, workers, stop)
+    if workers == 1 or len(work) == 1:
+        return local.execute(work, carry_out, stop)
+    return pool.execute(work, carry_out, workers, stop)
+
+
+def _kept(folder: RecordFolder, job: Job, ended: Ended) -> list[Path]:
+    """Where a crash's traceback is kept, for every run of the job that has left no record."""
+    if not ended.detail:
+        return []
+    return [write_failure(folder, run, ended.message, ended.detail) for run in job.runs if not folder.find(run)]
