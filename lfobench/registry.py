@@ -8,16 +8,15 @@ A package of somebody else's appears in the command line by declaring, in its ow
 
 from __future__ import annotations
 
-import sys
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 from lfobench.contract.method import Method
 from lfobench.contract.suite import Suite
 from lfobench.errors import UserError, unknown_name
+from lfobench.python_files import load_file
 
 METHODS = "lfobench.methods"
 SUITES = "lfobench.suites"
@@ -108,7 +107,7 @@ def load_benchmarks(name: str) -> Any:
 def _load(point: EntryPoint) -> object:
     try:
         loaded: object = point.load()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UserError(
             f"'{point.name}' ({point.value}) cannot be imported: {type(error).__name__}: {error}.",
             "Reinstall or mend the package that registers it.",
@@ -117,17 +116,7 @@ def _load(point: EntryPoint) -> object:
 
 
 def _suite_file(path: Path) -> Suite:
-    spec = spec_from_file_location(f"lfobench_suite_{path.stem}", path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise UserError(f"No suite file at {path}.", "Give the path of a Python file that defines SUITE.")
-    module = module_from_spec(spec)
-    # Dataclasses and pickles look their module up by name.
-    sys.modules[spec.name] = module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise UserError(f"The suite file {path} cannot be run: {type(error).__name__}: {error}.") from error
-    suite = getattr(module, "SUITE", None)
+    suite = getattr(load_file(path, "suite"), "SUITE", None)
     if not isinstance(suite, Suite):
         raise UserError(f"The suite file {path} defines no SUITE.", "Assign a lfobench Suite to SUITE.")
     return suite

@@ -11,14 +11,16 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Every room may import itself. Rooms share the single modules `files`, `processes`, `registry`, `errors` and `words`.
+# Every room may import itself. Rooms share the single modules `files`, `processes`, `python_files`, `registry`,
+# `errors` and `words`.
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "words": set(),
     "contract": {"errors", "words"},
     "files": {"errors"},
     "processes": set(),
-    "registry": {"contract", "errors"},
+    "python_files": {"errors"},
+    "registry": {"contract", "errors", "python_files"},
     "plan": {"contract", "errors", "registry", "words"},
     "data": {"contract", "plan", "errors", "files", "processes", "registry", "words"},
     "store": {"contract", "plan", "errors", "files"},
