@@ -24,7 +24,7 @@ from lfobench.contract.statistic import Statistic, parse_statistic
 from lfobench.errors import UserError, unknown_name
 from lfobench.files import write_text
 from lfobench.plan.names import split_names
-from lfobench.registry import load_suite, suite_names
+from lfobench.registry import load_suite, load_suites
 from lfobench.render.beside import beside
 from lfobench.render.building import build_table
 from lfobench.render.formats import export
@@ -129,12 +129,12 @@ def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:
         )
     if columns:
         records = [record for record in records if record.method in columns]
-    present_suites = {record.labels.suite for record in records}
-    known = [given] if given else [load_suite(each) for each in suite_names() if each in present_suites]
+    registered = load_suites(set() if given else {record.labels.suite for record in records})
+    known = [given] if given else registered.loaded.values()
     return Selection(
         records,
         select(failures, **wanted),
-        [*read.warnings, *unread],
+        [*read.warnings, *unread, *registered.broken],
         [task.name for known_suite in known for task in known_suite.tasks],
         columns or COLUMN_ORDER,
     )

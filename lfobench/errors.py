@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import traceback
 from collections.abc import Iterable
+from pathlib import Path
 
 MOST_LISTED = 30
 """Known names in one message."""
@@ -21,6 +23,19 @@ class UserError(Exception):
         super().__init__(f"{problem} {remedy}".strip())
         self.problem = problem
         self.remedy = remedy
+
+
+def cause(error: BaseException) -> str:
+    """An error of somebody else's code in words, with the line of their file: ``NameError: … (mine.py, line 7)``."""
+    ours = Path(__file__).resolve().parent
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith("<frozen") and not Path(frame.filename).is_relative_to(ours)
+    ]
+    known = isinstance(error, SyntaxError) or not frames
+    where = "" if known else f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})"
+    return f"{type(error).__name__}: {error}{where}"
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UserError:

@@ -26,7 +26,7 @@ from types import CodeType, ModuleType
 from typing import Any
 from urllib.parse import unquote
 
-from lfobench.errors import UserError
+from lfobench.errors import UserError, cause
 
 PREFIX = "file:"
 
@@ -56,9 +56,15 @@ def load_file(path: Path, what: str) -> ModuleType:
     try:
         return import_module(f"{package}.{_quoted(place.stem)}")
     except (Exception, SystemExit) as error:
-        raise UserError(
-            f"The {what} file {path} cannot be run: {type(error).__name__}: {error}.", "Mend the file."
-        ) from error
+        raise UserError(f"The {what} file {path} cannot be run: {cause(error)}.", "Mend the file.") from error
+
+
+def forget(path: Path) -> None:
+    """Have a file and its neighbours read again when they are next asked for."""
+    package = _package(path.expanduser().resolve().parent)
+    for name, module in list(sys.modules.items()):
+        if name == package or name.startswith(f"{package}.") or _is_alias(name, module):
+            del sys.modules[name]
 
 
 def _quoted(text: str) -> str:

@@ -4,35 +4,56 @@ A package of somebody else's appears in the command line by declaring, in its ow
 
     [project.entry-points."lfobench.methods"]
     mine = "my_package.mine:Mine"
+
+A method may also be named where it stands, ``path/to/file.py``, ``path/to/file.py:Mine`` or ``my_package.mine:Mine``,
+and a suite by the path of its file. What is broken is an error only for those who ask for it.
 """
 
 from __future__ import annotations
 
+import inspect
+import re
+import sys
+from collections.abc import Collection
+from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from lfobench.contract.method import Method
+from pydantic import ValidationError
+
+from lfobench.contract.method import Method, MethodConfig
+from lfobench.contract.record import Warning
 from lfobench.contract.suite import Suite
-from lfobench.errors import UserError, unknown_name
-from lfobench.python_files import load_file
+from lfobench.errors import UserError, cause, unknown_name
+from lfobench.python_files import forget, load_file
+from lfobench.source_code import code_of, edited_since, ships
 
 METHODS = "lfobench.methods"
 SUITES = "lfobench.suites"
 BENCHMARKS = "lfobench.benchmarks"
 
+NAME = r"[A-Za-z0-9_][A-Za-z0-9_+-]*"
+"""Of a method: no comma, dot or colon, which mean something where methods are named."""
+
+_IN_FILE = re.compile(r"(?P<file>.*\.py)(:(?P<name>\w+))?", re.DOTALL)
+_IN_MODULE = re.compile(r"(?P<module>[\w.]+):(?P<name>\w+)")
+
+_given: dict[str, type[Method]] = {}
+"""Methods that were named where they stand, by their own names, by which records and assignments know them."""
+
 
 @cache
-def _points(group: str) -> dict[str, EntryPoint]:
-    found: dict[str, EntryPoint] = {}
+def _points(group: str) -> dict[str, list[EntryPoint]]:
+    """Registrations by name; several under one name are nobody's."""
+    found: dict[str, list[EntryPoint]] = {}
     for point in entry_points(group=group):
-        other = found.setdefault(point.name, point)
-        if other.value != point.value:
-            raise UserError(
-                f"'{point.name}' is registered twice in {group}: {other.value} and {point.value}.",
-                "Uninstall one of the two packages.",
-            )
+        others = found.setdefault(point.name, [])
+        if all(other.value != point.value for other in others):
+            others.append(point)
     if not found:
         raise UserError(f"Nothing is registered in {group}.", "Install the project: pip install -e .")
     return found
@@ -48,20 +69,154 @@ def suite_names() -> list[str]:
     return sorted(_points(SUITES))
 
 
-@cache
+def is_place(name: str) -> bool:
+    """Whether a method's name says where it stands."""
+    return bool(_IN_FILE.fullmatch(name) or _IN_MODULE.fullmatch(name))
+
+
 def load_method(name: str) -> type[Method]:
-    """The class behind a method's name.
+    """The class behind a method's name, or behind the place where it stands.
+
+    Args:
+        name: registered; or ``file.py``, ``file.py:Class`` or ``package.module:Class``; or the own name of a method
+            that this process has loaded from such a place.
 
     Raises:
-        UserError: for an unknown name, or a registration that cannot be imported.
+        UserError: for an unknown name, what cannot be imported, or a class that is no complete method.
     """
+    if place := _IN_FILE.fullmatch(name):
+        return give_method(_in_file(Path(place["file"]), place["name"]), name)
+    if place := _IN_MODULE.fullmatch(name):
+        return give_method(_attribute(_imported(place["module"], name), place["name"], name), name)
     points = _points(METHODS)
-    if name not in points:
-        raise unknown_name("method", name, points)
-    loaded = _load(points[name])
-    if not (isinstance(loaded, type) and issubclass(loaded, Method)):
-        raise UserError(f"Method '{name}' ({points[name].value}) is not a lfobench Method class.")
-    return loaded
+    if name in points:
+        return _registered_method(name)
+    if name in _given:
+        return _given[name]
+    raise unknown_name("method", name, {*points, *_given})
+
+
+def give_method(method: object, where: str) -> type[Method]:
+    """A class that was named where it stands, once it is known to be a method; from now on its own name finds it.
+
+    Raises:
+        UserError: it is no complete method, or has the name of a registered one.
+    """
+    checked = checked_method(method, where)
+    if checked.name in _points(METHODS):
+        registered = _registered_method(checked.name)
+        if registered is checked:
+            return checked
+        if ships(registered) or code_of(registered) != code_of(checked):
+            raise UserError(
+                f"Method {where} has the name '{checked.name}', which is a registered method's.", "Name it otherwise."
+            )
+    _given[checked.name] = checked
+    return checked
+
+
+@cache
+def _registered_method(name: str) -> type[Method]:
+    point = _only(METHODS, "method", name)
+    return checked_method(_load(point), f"'{name}' ({point.value})", name)
+
+
+def checked_method(method: object, where: str, registered: str | None = None) -> type[Method]:
+    """`method`, if the harness can use it.
+
+    Args:
+        method: whatever stands there.
+        where: it stands, for messages.
+        registered: its name in the registry.
+
+    Raises:
+        UserError: saying all that is missing.
+    """
+    if not (isinstance(method, type) and issubclass(method, Method)):
+        raise UserError(
+            f"Method {where} is not a lfobench Method class.", "Derive it from lfobench.contract.method.Method."
+        )
+    if faults := list(_faults(method, registered)):
+        raise UserError(f"Method {where} cannot be used: {'; '.join(faults)}.", "Mend the class.")
+    return method
+
+
+def _faults(method: type[Method], registered: str | None) -> list[str]:
+    """What is wrong with the declarations of a method, in words."""
+    faults = []
+    if missing := sorted(method.__abstractmethods__):
+        faults.append(f"it lacks {', '.join(missing)}")
+    name: object = getattr(method, "name", None)
+    if name is None:
+        faults.append("it has no name")
+    elif not isinstance(name, str) or not re.fullmatch(NAME, name):
+        faults.append(f"its name is {name!r}; letters, digits, '_', '+' and '-' make a name")
+    elif registered not in (None, name):
+        faults.append(f"it calls itself '{name}'")
+    if not isinstance(method.version, int) or isinstance(method.version, bool):
+        faults.append(f"its version is {method.version!r}, not a whole number")
+    config: object = getattr(method, "Config", None)
+    if not (isinstance(config, type) and issubclass(config, MethodConfig)):
+        return [*faults, "it has no Config" if config is None else "its Config is not a MethodConfig"]
+    for field in method.stated:
+        if field not in config.model_fields:
+            faults.append(f"it states '{field}', which its Config lacks")
+    for kind, named in (("preset", method.presets), ("budget", method.budgets)):
+        for which, fields in named.items():
+            try:
+                config.model_validate(dict(fields))
+            except ValidationError as error:
+                first = error.errors()[0]
+                place = ".".join(map(str, first["loc"]))
+                faults.append(f"its {kind} '{which}' does not fit its Config ({place}: {first['msg'].lower()})")
+    return faults
+
+
+def _in_file(path: Path, name: str | None) -> object:
+    """The method that a file defines, or the one of that class name; read again if the file was edited since."""
+    found = _method_of(load_file(path, "method"), path, name)
+    if isinstance(found, type) and issubclass(found, Method) and edited_since(found):
+        forget(path)
+        found = _method_of(load_file(path, "method"), path, name)
+    return found
+
+
+def _method_of(module: ModuleType, path: Path, name: str | None) -> object:
+    if name is not None:
+        return _attribute(module, name, str(path))
+    own = [
+        each
+        for each in vars(module).values()
+        if isinstance(each, type) and issubclass(each, Method) and each.__module__ == module.__name__
+    ]
+    own = [each for each in own if not inspect.isabstract(each)] or own
+    if not own:
+        raise UserError(
+            f"The method file {path} defines no Method.", "Derive a class from lfobench.contract.method.Method."
+        )
+    if len(own) > 1:
+        names = [each.__name__ for each in own]
+        raise UserError(f"The method file {path} defines {', '.join(names)}.", f"Say which: {path}:{names[0]}")
+    return own[0]
+
+
+def _attribute(module: ModuleType, name: str, where: str) -> object:
+    found: object = getattr(module, name, None)
+    if found is None:
+        raise UserError(f"There is no class '{name}' in {where}.", "Name a Method class that stands there.")
+    return found
+
+
+def _imported(module: str, where: str) -> ModuleType:
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)  # last, so that no folder there takes the place of an installed package
+    try:
+        return import_module(module)
+    except (Exception, SystemExit) as error:
+        raise UserError(
+            f"Method {where} cannot be imported: {cause(error)}.", "Install or mend its package."
+        ) from error
 
 
 @cache
@@ -73,23 +228,40 @@ def load_suite(name: str) -> Suite:
     """
     if name.endswith(".py"):
         return _suite_file(Path(name))
-    points = _points(SUITES)
-    if name not in points:
-        raise unknown_name("suite", name, points)
-    loaded = _load(points[name])
+    point = _only(SUITES, "suite", name)
+    loaded = _load(point)
     if not isinstance(loaded, Suite):
-        raise UserError(f"Suite '{name}' ({points[name].value}) is not a lfobench Suite.")
+        raise UserError(f"Suite '{name}' ({point.value}) is not a lfobench Suite.")
     return loaded
 
 
-def suites_of_tasks() -> dict[str, str]:
-    """Every task of a registered suite to that suite's name, the first where several have it.
+@dataclass(frozen=True)
+class Suites:
+    """The registered suites.
 
-    Raises:
-        UserError: for a suite that cannot be imported.
+    Attributes:
+        loaded: by name.
+        broken: one warning for each that cannot be loaded.
     """
-    names = suite_names()
-    return {task.name: name for name in reversed(names) for task in load_suite(name).tasks}
+
+    loaded: dict[str, Suite]
+    broken: list[Warning]
+
+    @property
+    def owners(self) -> dict[str, str]:
+        """Every task to the name of its suite, the first where several have it."""
+        return {task.name: name for name in reversed(self.loaded) for task in self.loaded[name].tasks}
+
+
+def load_suites(among: Collection[str] | None = None) -> Suites:
+    """The registered suites that can be loaded, in order of name; all, or those `among` which are registered."""
+    found = Suites({}, [])
+    for name in suite_names() if among is None else sorted({*among} & _points(SUITES).keys()):
+        try:
+            found.loaded[name] = load_suite(name)
+        except UserError as error:
+            found.broken.append(Warning(what=error.problem, remedy=error.remedy))
+    return found
 
 
 def load_benchmarks(name: str) -> Any:
@@ -98,10 +270,19 @@ def load_benchmarks(name: str) -> Any:
     Raises:
         UserError: for an unknown name, or a registration that cannot be imported.
     """
-    points = _points(BENCHMARKS)
+    return _load(_only(BENCHMARKS, "set of benchmarks", name))
+
+
+def _only(group: str, kind: str, name: str) -> EntryPoint:
+    """The one registration of a name."""
+    points = _points(group)
     if name not in points:
-        raise unknown_name("set of benchmarks", name, points)
-    return _load(points[name])
+        raise unknown_name(kind, name, points)
+    point, *others = points[name]
+    if others:
+        values = " and ".join(each.value for each in points[name])
+        raise UserError(f"The {kind} '{name}' is registered twice: {values}.", "Uninstall one of the two packages.")
+    return point
 
 
 def _load(point: EntryPoint) -> object:
@@ -109,7 +290,7 @@ def _load(point: EntryPoint) -> object:
         loaded: object = point.load()
     except (Exception, SystemExit) as error:
         raise UserError(
-            f"'{point.name}' ({point.value}) cannot be imported: {type(error).__name__}: {error}.",
+            f"'{point.name}' ({point.value}) cannot be imported: {cause(error)}.",
             "Reinstall or mend the package that registers it.",
         ) from error
     return loaded

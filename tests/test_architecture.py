@@ -11,8 +11,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Every room may import itself. Rooms share the single modules `files`, `processes`, `python_files`, `registry`,
-# `errors` and `words`.
+# Every room may import itself. Rooms share the single modules `files`, `processes`, `python_files`,
+# `source_code`, `registry`, `errors` and `words`.
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "words": set(),
@@ -20,11 +20,12 @@ MAY_IMPORT: dict[str, set[str]] = {
     "files": {"errors"},
     "processes": set(),
     "python_files": {"errors"},
-    "registry": {"contract", "errors", "python_files"},
-    "plan": {"contract", "errors", "registry", "words"},
+    "source_code": {"contract", "errors", "python_files"},
+    "registry": {"contract", "errors", "python_files", "source_code"},
+    "plan": {"contract", "errors", "registry", "source_code", "words"},
     "data": {"contract", "plan", "errors", "files", "processes", "registry", "words"},
     "store": {"contract", "plan", "errors", "files"},
-    "engine": {"contract", "plan", "data", "store", "errors", "files", "processes", "registry"},
+    "engine": {"contract", "plan", "data", "store", "errors", "files", "processes", "registry", "source_code"},
     "executors": {"contract", "engine", "errors", "processes"},
     "schedule": {"contract", "plan", "data", "engine", "executors", "store", "errors", "files", "processes"},
     "stats": {"contract"},

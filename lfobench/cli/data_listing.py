@@ -65,15 +65,16 @@ def _everywhere(tasks: str | None, source: str | None) -> list[tuple[str, str | 
     """
     from fnmatch import fnmatchcase
 
+    from lfobench.cli.inputs import registered_suites
     from lfobench.errors import unknown_name
     from lfobench.plan.names import split_names
-    from lfobench.registry import load_suite, suite_names, suites_of_tasks
 
     globs = ["*"] if tasks is None else split_names(tasks)
     found: list[tuple[str, str | None]] = []
     sources: set[str] = set()
-    for suite in suite_names():
-        chosen = {glob: [task for task in load_suite(suite).tasks if fnmatchcase(task.name, glob)] for glob in globs}
+    known = registered_suites()
+    for suite, loaded in known.loaded.items():
+        chosen = {glob: [task for task in loaded.tasks if fnmatchcase(task.name, glob)] for glob in globs}
         matching = [glob for glob, tasks_of_glob in chosen.items() if tasks_of_glob]
         declared = {name for tasks_of_glob in chosen.values() for task in tasks_of_glob for name in task.files}
         sources |= declared
@@ -82,7 +83,7 @@ def _everywhere(tasks: str | None, source: str | None) -> list[tuple[str, str | 
     if not found and source is not None and sources:
         raise unknown_name("source", source, sources)
     if not found:
-        raise unknown_name("task", tasks or "*", suites_of_tasks())
+        raise unknown_name("task", tasks or "*", known.owners)
     return found
 
 

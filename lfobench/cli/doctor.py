@@ -57,12 +57,13 @@ def _suite_of(subject: str, suite: str) -> str | None:
     Raises:
         UserError: neither a task nor what a file would be called.
     """
+    from lfobench.cli.inputs import registered_suites
     from lfobench.files import exists
-    from lfobench.registry import load_suite, suites_of_tasks
+    from lfobench.registry import load_suite
 
     if exists(Path(subject)):
         return None
-    owners = suites_of_tasks() if suite == options.DEFAULT_SUITE else {}
+    owners = registered_suites().owners if suite == options.DEFAULT_SUITE else {}
     owners |= {task.name: suite for task in load_suite(suite).tasks}
     if subject not in owners and not Path(subject).suffix and "/" not in subject:
         raise unknown_name("file or task", subject, owners)

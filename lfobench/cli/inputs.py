@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from lfobench.contract.record import Warning
     from lfobench.plan.planning import Plan, Request
+    from lfobench.registry import Suites
     from lfobench.store.folder import RecordsRead
 
 
@@ -27,12 +28,24 @@ def request(
     device: str,
     steps: int | None,
     precision: str,
+    grid: list[str] | None = None,
 ) -> Request:
     """The options that ``run`` and ``why`` share, as one value."""
     from lfobench.plan.planning import Request
 
     return Request(
-        methods, suite, tasks, seeds, protocol, preset, tuple(assign or ()), source, device, steps, precision
+        methods,
+        suite,
+        tasks,
+        seeds,
+        protocol,
+        preset,
+        tuple(assign or ()),
+        source,
+        device,
+        steps,
+        precision,
+        tuple(grid or ()),
     )
 
 
@@ -52,6 +65,28 @@ def resolve(wanted: Request, tuned_in: Path | None = None) -> Plan:
     return plan if tuned_in is None else with_choices(plan, wanted, TuningFolder(tuned_in))
 
 
+def choices_in(out: Path, tuned: bool, grid: list[str] | None) -> Path | None:
+    """Where the choices lie that ``--tuned`` takes; None without it.
+
+    Raises:
+        UserError: ``--grid`` without ``--tuned``.
+    """
+    from lfobench.errors import UserError
+
+    if grid and not tuned:
+        raise UserError("--grid says which choice --tuned takes.", "Add --tuned, or choose with 'lfobench tune'.")
+    return out if tuned else None
+
+
+def registered_suites() -> Suites:
+    """The registered suites; a warning is printed for each that is broken."""
+    from lfobench.registry import load_suites
+
+    found = load_suites()
+    warn(found.broken)
+    return found
+
+
 def suite_and_tasks(name: str, tasks: str | None) -> tuple[str, str | None]:
     """A suite and the globs of its tasks, where the name may also be that of a task of a registered suite.
 
@@ -59,11 +94,11 @@ def suite_and_tasks(name: str, tasks: str | None) -> tuple[str, str | None]:
         UserError: an unknown name, or globs beside a single task.
     """
     from lfobench.errors import UserError, unknown_name
-    from lfobench.registry import suite_names, suites_of_tasks
+    from lfobench.registry import suite_names
 
     if name.endswith(".py") or name in suite_names():
         return name, tasks
-    owners = suites_of_tasks()
+    owners = registered_suites().owners
     if name not in owners:
         raise unknown_name("suite or task", name, [*suite_names(), *owners])
     if tasks is not None:

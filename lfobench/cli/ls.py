@@ -74,10 +74,20 @@ def _method_row(name: str) -> dict[str, Any]:
 
 
 def _suites() -> list[dict[str, Any]]:
-    from lfobench.registry import load_suite, suite_names
+    from lfobench.registry import suite_names
 
-    suites = [load_suite(name) for name in suite_names()]
-    return [{"name": suite.name, "tasks": len(suite.tasks), "summary": suite.summary} for suite in suites]
+    return [_suite_row(name) for name in suite_names()]
+
+
+def _suite_row(name: str) -> dict[str, Any]:
+    from lfobench.errors import UserError
+    from lfobench.registry import load_suite
+
+    try:
+        suite = load_suite(name)
+    except UserError as error:
+        return {"name": name, "tasks": "", "summary": str(error)}
+    return {"name": suite.name, "tasks": len(suite.tasks), "summary": suite.summary}
 
 
 def _tasks(suite: str) -> list[dict[str, Any]]:

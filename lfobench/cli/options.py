@@ -7,7 +7,13 @@ from typing import Annotated
 
 import typer
 
-Methods = Annotated[str, typer.Option(help="Comma-separated methods, e.g. dilo,smodice. See 'lfobench ls methods'.")]
+Methods = Annotated[
+    str,
+    typer.Option(
+        help="Comma-separated methods, e.g. dilo,smodice, or where one stands: file.py, file.py:Class, "
+        "package.module:Class. See 'lfobench ls methods'."
+    ),
+]
 SuiteName = Annotated[str, typer.Option("--suite", help="A suite's name, or the path of a file that defines SUITE.")]
 Tasks = Annotated[str | None, typer.Option(help="Comma-separated globs over the suite's tasks, e.g. 'hopper-*'.")]
 Seeds = Annotated[str | None, typer.Option(help="Numbers and ranges, e.g. 0-6. Default: the protocol's.")]
@@ -20,7 +26,15 @@ Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="METHOD.FIELD=VALUE, repeatable, e.g. --set dilo.tau=3.")
 ]
 Tuned = Annotated[
-    bool, typer.Option("--tuned", help="With the values that 'lfobench tune' chose, where the suite declares a grid.")
+    bool, typer.Option("--tuned", help="With the values that 'lfobench tune' chose, where there is a choice.")
+]
+Grid = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--grid",
+        help="METHOD.FIELD=V1,V2,…, repeatable: the values to choose from, in place of a declared grid; fields of one "
+        "method multiply. E.g. --grid dilo.tau=0.1,1.",
+    ),
 ]
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Jobs at once. Default: what the cores, or the device's memory, hold.")

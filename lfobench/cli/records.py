@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from lfobench.cli import options
 from lfobench.cli.console import output, print_json
-from lfobench.cli.inputs import read_folder, request, resolve, warn
+from lfobench.cli.inputs import choices_in, read_folder, request, resolve, warn
 
 if TYPE_CHECKING:
     from lfobench.contract.record import Record
@@ -58,6 +58,7 @@ def why(
     device: options.Device = "auto",
     precision: options.Precision = "auto",
     tuned: options.Tuned = False,
+    grid: options.Grid = None,
     out: options.Out = options.DEFAULT_OUT,
     as_json: options.Json = False,
 ) -> None:
@@ -71,8 +72,8 @@ def why(
     from lfobench.files import cache_folder
     from lfobench.store.explain import explain
 
-    wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision)
-    plan = resolve(wanted, out if tuned else None)
+    wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
+    plan = resolve(wanted, choices_in(out, tuned, grid))
     read = read_folder(out)
     warn(read.warnings)
     in_cache = {
@@ -91,11 +92,24 @@ def why(
 
 
 def _variant(record: Record) -> str:
-    """The preset, what was chosen, and what ``--set`` changed: ``released, tuned tau=2 mixture=0.5, discount=0.9``."""
+    """The preset, what was chosen, what ``--set`` changed, and which code of a method from elsewhere it was.
+
+    For example ``released, tuned tau=2 mixture=0.5, discount=0.9, code 1a2b3c4``.
+    """
+    from lfobench.contract.identity import code_version
+
+    code = code_version(record.identity)
     tuned, assigned = record.identity.get("tuned", {}), record.identity.get("set", {})
     chosen = " ".join(f"{field}={value}" for field, value in tuned.items())
     changes = [f"{field}={value}" for field, value in assigned.items()]
-    return ", ".join([str(record.identity["preset"]), *([f"tuned {chosen}"] if tuned else []), *changes])
+    return ", ".join(
+        [
+            str(record.identity["preset"]),
+            *([f"tuned {chosen}"] if tuned else []),
+            *changes,
+            *([f"code {code}"] if code else []),
+        ]
+    )
 
 
 def _budget(record: Record) -> str:

@@ -6,7 +6,7 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import errors, print_json
-from lfobench.cli.inputs import read_folder, request, resolve, warn
+from lfobench.cli.inputs import choices_in, read_folder, request, resolve, warn
 
 
 def run(
@@ -22,6 +22,7 @@ def run(
     device: options.Device = "auto",
     precision: options.Precision = "auto",
     tuned: options.Tuned = False,
+    grid: options.Grid = None,
     workers: options.Workers = None,
     out: options.Out = options.DEFAULT_OUT,
     dry_run: options.DryRun = False,
@@ -38,8 +39,8 @@ def run(
     from lfobench.schedule.execution import remove_checkpoints_of_the_finished
     from lfobench.schedule.packing import arranged
 
-    wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision)
-    plan = resolve(wanted, out if tuned else None)
+    wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
+    plan = resolve(wanted, choices_in(out, tuned, grid))
     read = read_folder(out)
     warn(read.warnings)
     with errors.status("Measuring this machine…"):

@@ -21,7 +21,7 @@ from lfobench.files import cache_folder
 from lfobench.plan.names import select_tasks, split_names
 from lfobench.plan.parts import build_command
 from lfobench.plan.protocol import load_protocol
-from lfobench.registry import load_suite, suite_names
+from lfobench.registry import load_suite, load_suites, suite_names
 from lfobench.render.columns import arrange_columns
 from lfobench.render.plots.figure import PaperFigure
 from lfobench.render.plots.kinds import PLOTS
@@ -79,12 +79,7 @@ def kind_of(kind: str, view: View) -> Suite | None:
 
 
 def _seen_from_above() -> Iterable[str]:
-    for name in suite_names():
-        try:
-            if load_suite(name).scene is not None:
-                yield name
-        except UserError:
-            continue  # somebody's broken package is not what was asked for
+    return [name for name, suite in load_suites().loaded.items() if suite.scene is not None]
 
 
 def draw(kind: str, suite: Suite, view: View, selected: Selection, out: Path, width: float) -> PaperFigure:

@@ -30,13 +30,14 @@ def show(
 
     Example: lfobench show dilo
     """
+    from lfobench.cli.inputs import registered_suites
     from lfobench.errors import unknown_name
     from lfobench.plan.protocol import PROTOCOLS
-    from lfobench.registry import load_method, load_suite, method_names, suite_names, suites_of_tasks
+    from lfobench.registry import is_place, load_method, load_suite, method_names, suite_names
 
     loaded = load_suite(suite)
     tasks = {task.name: task for task in loaded.tasks}
-    if name in method_names():
+    if name in method_names() or is_place(name):
         _show_method(load_method(name), as_json)
     elif name in tasks:
         _show_task(suite, name, protocol, source, as_json)
@@ -46,7 +47,7 @@ def show(
         list_names(Kind.tasks, suite, as_json)
     elif name in suite_names():
         list_names(Kind.tasks, name, as_json)
-    elif name in (owners := suites_of_tasks()):
+    elif name in (owners := registered_suites().owners):
         _show_task(owners[name], name, protocol, source, as_json)
     else:
         raise unknown_name("name", name, [*method_names(), *tasks, *PROTOCOLS, *suite_names(), *owners])

@@ -1,4 +1,4 @@
-"""``lfobench tune``: choose hyperparameters from the grids that a suite declares, away from the starts of the tests."""
+"""``lfobench tune``: choose hyperparameters from grids, away from the starts of the tests."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ SEEDS = "1000"
 
 def tune(
     methods: Annotated[
-        str | None, typer.Option(help="Comma-separated methods. Default: all that the tasks declare a grid for.")
+        str | None,
+        typer.Option(
+            help="Comma-separated methods. Default: those of --grid, or all that the tasks declare a grid for."
+        ),
     ] = None,
     suite: options.SuiteName = options.DEFAULT_SUITE,
     tasks: options.Tasks = None,
@@ -36,6 +39,7 @@ def tune(
     steps: options.Steps = None,
     preset: options.Preset = "released",
     assign: options.Assignments = None,
+    grid: options.Grid = None,
     source: options.Source = "auto",
     device: options.Device = "auto",
     precision: options.Precision = "auto",
@@ -44,9 +48,11 @@ def tune(
     dry_run: options.DryRun = False,
     as_json: options.Json = False,
 ) -> None:
-    """Train every combination of a suite's grids and choose the best; 'lfobench run --tuned' then takes those values.
+    """Train every combination of a grid and choose the best; 'lfobench run --tuned' then takes those values.
 
-    Example: lfobench tune --methods dilo --suite airhockey --tasks 'dynamic-*' --starts 20
+    The grid is a suite's or a method's own, or yours, for any method on any suite.
+
+    Example: lfobench tune --grid dilo.tau=0.03,0.1,0.3 --suite locomotion --tasks 'hopper-*' --starts 20
     """
     from dataclasses import replace
 
@@ -57,10 +63,10 @@ def tune(
     from lfobench.schedule.packing import arranged
     from lfobench.store.tuning import TuningFolder
 
-    named = methods if methods is not None else _all_with_grids(suite, tasks)
-    wanted = request(named, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision)
+    named = methods if methods is not None else _all_with_grids(suite, tasks, grid or ())
+    wanted = request(named, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
     plan = resolve(wanted)
-    found = searches(plan, wanted.assignments)
+    found = searches(plan, wanted)
     trials = replace(plan, cells=tuple(trial for search in found for trial in search.trials(starts)))
     folder = TuningFolder(out)
     with errors.status("Measuring this machine…"):
@@ -83,19 +89,21 @@ def tune(
     raise typer.Exit(code)
 
 
-def _all_with_grids(suite: str, tasks: str | None) -> str:
-    """The methods that any of the tasks declares a grid for, as ``--methods`` takes them."""
+def _all_with_grids(suite: str, tasks: str | None, grids: Sequence[str]) -> str:
+    """The methods that ``--grid`` names, or else any of the tasks declares a grid for, as ``--methods`` takes them."""
     from lfobench.errors import UserError
     from lfobench.plan.names import chosen_tasks
     from lfobench.plan.tuning import methods_with_grids
     from lfobench.registry import load_suite
 
+    if grids:
+        return ",".join(dict.fromkeys(grid.partition(".")[0] for grid in grids))
     loaded = load_suite(suite)
     found = methods_with_grids(chosen_tasks(loaded, tasks))
     if not found:
         raise UserError(
             f"Suite '{loaded.name}' declares no grid{'' if tasks is None else ' for these tasks'}.",
-            "There is nothing to choose: train with 'lfobench run'.",
+            "Say what to try, --grid METHOD.FIELD=V1,V2, or train with 'lfobench run'.",
         )
     return ",".join(found)
 

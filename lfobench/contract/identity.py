@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -49,6 +51,7 @@ class _Protocol(_Fields):
 class _Identity(_Fields):
     method: str
     method_version: StrictInt
+    method_code: dict[str, str] = {}
     preset: str
     config: dict[str, Any]
     overrides: dict[str, Any]
@@ -72,6 +75,12 @@ def check_identity(identity: Mapping[str, Any]) -> None:
         _Identity.model_validate(identity)
     except ValidationError as error:
         raise ValueError(first_problem(error, "identity")) from error
+
+
+def code_version(identity: Mapping[str, Any]) -> str:
+    """A short name of a method's source files, where it does not ship with lfobench; else empty."""
+    code = identity.get("method_code", {})
+    return hashlib.sha256(json.dumps(code, sort_keys=True).encode()).hexdigest()[:7] if code else ""
 
 
 def first_problem(error: ValidationError, *prefix: str) -> str:

@@ -115,6 +115,7 @@ class Method(ABC):
         stated: configuration fields that every footnote names, because the method's numbers mean little without them
             (methods.md 10, item 5).
         budgets: per protocol, the fields that it changes to fit its budget; printed in every footnote.
+        grids: fields and the values among which ``lfobench tune`` chooses, where the task declares none for the method.
     """
 
     name: ClassVar[str]
@@ -124,6 +125,7 @@ class Method(ABC):
     presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]]
     stated: ClassVar[tuple[str, ...]] = ()
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    grids: ClassVar[Mapping[str, tuple[Any, ...]]] = {}
 
     @classmethod
     @abstractmethod

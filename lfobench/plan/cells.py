@@ -40,6 +40,7 @@ class Cell:
         precision: of matrix products, as asked for.
         tuned: fields whose values were chosen from the task's grid.
         tuning: how, and at what cost; None where nothing was chosen.
+        code: files of a method that does not ship with lfobench, to their hashes.
         starts: which fixed starts policies are evaluated from: those of the tests, or others, to choose by.
     """
 
@@ -58,6 +59,7 @@ class Cell:
     precision: Precision
     tuned: Mapping[str, Any] = field(default_factory=dict)
     tuning: Tuning | None = None
+    code: Mapping[str, str] = field(default_factory=dict)
     starts: Starts = "evaluation"
 
     @property
@@ -85,6 +87,7 @@ class Cell:
             "protocol": self.protocol.identity(self.task),
             "simulator": dict(self.simulator),
             "precision": self.precision,
+            **({"method_code": dict(self.code)} if self.code else {}),
             **({"tuned": dict(self.tuned)} if self.tuned else {}),
             **({"starts": self.starts} if self.starts != "evaluation" else {}),
         }

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from typing import Any
 
+from lfobench.contract.method import Method
 from lfobench.contract.suite import Suite, Task
 from lfobench.errors import UserError, unknown_name
-from lfobench.registry import suites_of_tasks
+from lfobench.registry import load_method, load_suites
+
+Grids = Mapping[str, Mapping[str, Sequence[Any]]]
+"""Method to fields and the values of each."""
 
 MAX_SEED = 2**32 - 1
 MAX_RANGE = 10_000
@@ -19,6 +23,22 @@ MAX_RANGE = 10_000
 def split_names(text: str) -> list[str]:
     """``"dilo, smodice"`` to its names, order kept, repeats dropped."""
     return list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+
+
+def chosen_methods(text: str) -> dict[str, type[Method]]:
+    """The methods that ``--methods`` names, by what was typed; each has a name of its own.
+
+    Raises:
+        UserError: for no method, an unknown one, or two of one name.
+    """
+    methods = {typed: load_method(typed) for typed in split_names(text)}
+    if not methods:
+        raise UserError("No method is named.", "Write, for example, --methods dilo,bc.")
+    known: dict[str, str] = {}
+    for typed, method in methods.items():
+        if (other := known.setdefault(method.name, typed)) != typed:
+            raise UserError(f"{other} and {typed} are both named '{method.name}'.", "Rename one, or leave it out.")
+    return methods
 
 
 def parse_seeds(text: str) -> list[int]:
@@ -53,7 +73,7 @@ def chosen_tasks(suite: Suite, globs: str | None) -> list[Task]:
     """
     patterns = ["*"] if globs is None else split_names(globs)
     elsewhere = [glob for glob in patterns if not any(fnmatchcase(task.name, glob) for task in suite.tasks)]
-    owners = suites_of_tasks() if elsewhere else {}
+    owners = load_suites().owners if elsewhere else {}
     for name in elsewhere:
         if name in owners:
             raise UserError(f"Task '{name}' is not in suite '{suite.name}'.", f"It is in: --suite {owners[name]}")
@@ -95,6 +115,38 @@ def parse_assignments(assignments: Sequence[str], methods: Sequence[str]) -> dic
             raise unknown_name("method in --set", method, methods)
         settings.setdefault(method, {})[field] = _value(text)
     return settings
+
+
+def parse_grids(grids: Sequence[str], methods: Sequence[str]) -> Grids:
+    """``["mine.beta=0.1,0.5"]`` to ``{"mine": {"beta": (0.1, 0.5)}}``; values are spelled as in ``--set``.
+
+    Raises:
+        UserError: for a malformed grid, a field named twice, or a method that does not run.
+    """
+    found: dict[str, dict[str, tuple[Any, ...]]] = {}
+    for grid in grids:
+        match = re.fullmatch(r"([^.=\s]+)\.([^.=\s]+)=(.+)", grid, flags=re.DOTALL)
+        if match is None:
+            raise UserError(f"--grid '{grid}' is not METHOD.FIELD=V1,V2,….", "Write, for example, --grid dilo.tau=1,3.")
+        method, field, text = match.groups()
+        if method not in methods:
+            raise unknown_name("method in --grid", method, methods)
+        if field in found.setdefault(method, {}):
+            raise UserError(f"--grid names {method}.{field} twice.", "Give all of its values at once.")
+        try:
+            found[method][field] = tuple(json.loads(f"[{text}]"))
+        except (ValueError, RecursionError):
+            found[method][field] = tuple(_value(part.strip()) for part in text.split(","))
+    return found
+
+
+def spelled_grid(method: str, grid: Mapping[str, Sequence[Any]]) -> list[str]:
+    """A grid as ``--grid`` takes it, one text per field."""
+    texts = []
+    for field, values in grid.items():
+        plain = all(isinstance(value, str) and _value(value) == value and "," not in value for value in values)
+        texts.append(f"{method}.{field}={','.join(values if plain else map(json.dumps, values))}")
+    return texts
 
 
 def _value(text: str) -> Any:

@@ -10,12 +10,13 @@ from lfobench.contract.method import PresetName
 from lfobench.contract.suite import Suite, Task, TrajectoryRecipe
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.cells import Cell, Run, configure
-from lfobench.plan.names import chosen_tasks, parse_assignments, parse_seeds, split_names
+from lfobench.plan.names import chosen_methods, chosen_tasks, parse_assignments, parse_seeds
 from lfobench.plan.parts import requests, simulator_versions
 from lfobench.plan.precision import check_precision
 from lfobench.plan.protocol import Protocol, load_protocol
 from lfobench.plan.sources import Find, choose_source, nowhere, read_from
-from lfobench.registry import load_method, load_suite
+from lfobench.registry import load_suite
+from lfobench.source_code import code_of
 
 DEVICES = ("cpu", "cuda")
 
@@ -35,6 +36,7 @@ class Request:
     device: str = "auto"
     steps: int | None = None
     precision: str = "auto"
+    grids: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -87,12 +89,9 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
     source, own = choose_source(request.source, suite)
     chosen = chosen_tasks(suite, request.tasks)
     tasks = read_from(chosen, source, own, find)
-    names = split_names(request.methods)
-    if not names:
-        raise UserError("No method is named.", "Write, for example, --methods dilo,bc.")
-    methods = {name: load_method(name) for name in names}
+    methods = {method.name: method for method in chosen_methods(request.methods).values()}
     seeds = tuple(parse_seeds(protocol.seeds if request.seeds is None else request.seeds))
-    assigned = parse_assignments(request.assignments, names)
+    assigned = parse_assignments(request.assignments, list(methods))
     cells = [
         Cell(
             method=method,
@@ -108,6 +107,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
             data=data,
             simulator=simulator_versions(task),
             precision=precision,
+            code=code_of(method),
         )
         for task in tasks
         for data, here in [(_data(suite, task, protocol), protocol.for_task(task))]

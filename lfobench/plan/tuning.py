@@ -1,4 +1,7 @@
-"""Hyperparameters chosen from the grids that a suite declares: what is tried, and what a choice holds for."""
+"""Hyperparameters chosen from grids: what is tried, and what a choice holds for.
+
+A grid is the one that ``--grid`` gives for a method, else the task's, else the method's own.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from lfobench.contract.record import Tuning, canonical_json, content_hash
 from lfobench.contract.suite import Task
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.cells import Cell
-from lfobench.plan.names import parse_assignments, split_names
+from lfobench.plan.names import Grids, chosen_methods, parse_assignments, parse_grids
 from lfobench.plan.planning import Plan, Request
 
 
@@ -75,54 +78,68 @@ class Search:
         values = {field: value for field, value in tuning.chosen.items() if field not in kept}
         if not values:
             return self.cell
-        return replace(_with_values(self.cell, values), tuning=tuning.model_copy(update={"chosen": values}))
+        return replace(
+            _with_values(self.cell, values, "The choice"), tuning=tuning.model_copy(update={"chosen": values})
+        )
 
 
-def search_of(cell: Cell) -> Search | None:
-    """The search that the suite declares for a cell's method and task, if it does.
+def search_of(cell: Cell, asked: Grids | None = None) -> Search | None:
+    """The search for a cell's method and task, if there is a grid for it.
+
+    Args:
+        cell: what trains without a choice.
+        asked: what ``--grid`` says.
 
     Raises:
-        UserError: for a grid that the method cannot take, which is the suite's mistake.
+        UserError: for a grid that the method cannot take, naming whose mistake that is.
     """
-    grid = cell.task.grids.get(cell.method.name)
-    if not grid:
+    name = cell.method.name
+    whose = {
+        f"--grid: the grid of {name}": (asked or {}).get(name),
+        f"Suite '{cell.suite_name}', task '{cell.task.name}': the grid of {name}": cell.task.grids.get(name),
+        f"Method '{name}': its grid": cell.method.grids,
+    }
+    where, grid = next(((where, grid) for where, grid in whose.items() if grid), ("", None))
+    if grid is None:
         return None
     known = cell.method.Config.model_fields
     for field, values in grid.items():
         if field not in known:
             unknown = unknown_name("field", field, known)
-            raise _mistake(cell, f"has the field '{field}', which {cell.method.name} lacks", unknown.remedy)
+            raise UserError(f"{where} has the field '{field}', which {name} lacks.", unknown.remedy)
         if not values:
-            raise _mistake(cell, f"has no value for {field}", "Give it values, or leave the field out.")
-    tried = tuple(_with_values(cell, dict(zip(grid, values, strict=True))) for values in product(*grid.values()))
-    search = Search(cell, tried)
+            raise UserError(f"{where} has no value for {field}.", "Give it values, or leave the field out.")
+    combinations = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+    search = Search(cell, tuple(_with_values(cell, values, where) for values in combinations))
     for field, values in grid.items():
         if len(search.grid[field]) < len(values):
-            raise _mistake(cell, f"has a value of {field} twice", "Name every value once.")
+            raise UserError(f"{where} has a value of {field} twice.", "Name every value once.")
     return search
 
 
-def searches(plan: Plan, assignments: Sequence[str]) -> list[Search]:
+def searches(plan: Plan, request: Request) -> list[Search]:
     """The searches that ``lfobench tune`` makes for a plan, in its order; a cell without a grid has none.
 
     Args:
         plan: tasks and methods.
-        assignments: what ``--set`` says.
+        request: what was typed, for ``--set`` and ``--grid``.
 
     Raises:
         UserError: for a method without a grid on any of the tasks, a field that ``--set`` and a grid both name, or a
-            suite's mistake.
+            grid that a method cannot take.
     """
-    found = [search for cell in plan.cells if (search := search_of(cell)) is not None]
     methods = list(dict.fromkeys(cell.method.name for cell in plan.cells))
-    searched = methods_with_grids(plan.tasks)
+    asked = parse_grids(request.grids, methods)
+    found = [search for cell in plan.cells if (search := search_of(cell, asked)) is not None]
+    searched = {search.cell.method.name for search in found}
     for name in methods:
         if name not in searched:
             raise UserError(
                 f"Suite '{plan.suite.name}' declares no grid for {name} on {_listed(plan.tasks)}.",
-                f"Leave it out; with a grid: {', '.join(searched) or 'none'}.",
+                f"Say what to try, --grid {name}.FIELD=V1,V2, or leave it out; "
+                f"with a grid: {', '.join(methods_with_grids(plan.tasks)) or 'none'}.",
             )
-    assigned = parse_assignments(assignments, methods)
+    assigned = parse_assignments(request.assignments, methods)
     for search in found:
         for field in search.grid:
             if field in assigned.get(search.cell.method.name, {}):
@@ -147,10 +164,11 @@ def tune_command(request: Request, protocol: str, lacking: Sequence[Search], out
         lacking: the searches.
         out: the output folder.
     """
+    typed = {method.name: text for text, method in chosen_methods(request.methods).items()}
     methods = list(dict.fromkeys(search.cell.method.name for search in lacking))
     fields = {(search.cell.method.name, field) for search in lacking for field in search.grid}
     options = {
-        "--methods": ",".join(methods),
+        "--methods": ",".join(typed[name] for name in methods),
         "--suite": request.suite,
         "--tasks": ",".join(dict.fromkeys(search.cell.task.name for search in lacking)),
         "--protocol": protocol,
@@ -166,8 +184,11 @@ def tune_command(request: Request, protocol: str, lacking: Sequence[Search], out
     for option, value in options.items():
         if value is not None and value != defaults.get(option):
             words += [option, str(value)]
+    for grid in request.grids:
+        if grid.partition(".")[0] in methods:
+            words += ["--grid", grid]
     for assignment in request.assignments:
-        ((method, settings),) = parse_assignments([assignment], split_names(request.methods)).items()
+        ((method, settings),) = parse_assignments([assignment], list(typed)).items()
         if method in methods and not any((method, field) in fields for field in settings):
             words += ["--set", assignment]
     return shlex.join(words)
@@ -183,14 +204,15 @@ def _untuned(identity: Mapping[str, Any], fields: Collection[str]) -> dict[str, 
     }
 
 
-def _with_values(cell: Cell, values: Mapping[str, Any]) -> Cell:
-    """The cell with `values` over whatever decided those fields before."""
+def _with_values(cell: Cell, values: Mapping[str, Any], where: str) -> Cell:
+    """The cell with `values`, which stand `where`, over whatever decided those fields before."""
     try:
         config = cell.method.Config.model_validate({**cell.config.model_dump(), **values})
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
-        raise _mistake(cell, f"has {place} = {first['input']!r}: {first['msg'].lower()}", "Mend the value.") from error
+        problem = f"{where} has {place} = {first['input']!r}: {first['msg'].lower()}."
+        raise UserError(problem, "Mend the value.") from error
     plain = config.model_dump(mode="json")
     return replace(
         cell,
@@ -198,11 +220,6 @@ def _with_values(cell: Cell, values: Mapping[str, Any]) -> Cell:
         budget={field: value for field, value in cell.budget.items() if field not in values},
         tuned={field: plain[field] for field in values},
     )
-
-
-def _mistake(cell: Cell, problem: str, remedy: str) -> UserError:
-    where = f"Suite '{cell.suite_name}', task '{cell.task.name}'"
-    return UserError(f"{where}: the grid of {cell.method.name} {problem}.", remedy)
 
 
 def _listed(tasks: Sequence[Task]) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lfobench.contract.failure import Failure
+from lfobench.contract.identity import code_version
 from lfobench.contract.record import Record, canonical_json
 from lfobench.render.conditions import fixed_fields
 from lfobench.render.table import Column
@@ -87,7 +88,7 @@ def _variant(record: Record | Failure, config: str = "") -> _Variant:
     identity = record.identity
     return _Variant(
         method=record.method,
-        version=str(identity["method_version"]),
+        version=code_version(identity) or str(identity["method_version"]),
         preset=str(identity["preset"]),
         options=canonical_json(identity.get("set", {})),
         tuned=bool(identity.get("tuned")),

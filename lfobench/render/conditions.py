@@ -10,7 +10,9 @@ from lfobench.contract.record import Record
 from lfobench.errors import UserError
 
 # What a column may change. Everything else in an identity is a condition that a row holds fixed.
-COLUMN_FIELDS = frozenset({"method", "method_version", "preset", "config", "overrides", "set", "tuned", "seed"})
+COLUMN_FIELDS = frozenset(
+    {"method", "method_version", "method_code", "preset", "config", "overrides", "set", "tuned", "seed"}
+)
 
 _SEPARATELY = "Put the records of one of them into a folder of their own and make a table of each."
 _WAYS_OUT = {"protocol.steps": "Choose one with --steps, which leaves out tasks of other lengths."}

@@ -14,7 +14,7 @@ from lfobench.contract.record import Record, canonical_json
 from lfobench.errors import UserError, unknown_name
 from lfobench.render.conditions import differing_leaves
 
-SOFTWARE = frozenset({"schema", "method_version", "config", "overrides", "tuned"})
+SOFTWARE = frozenset({"schema", "method_version", "method_code", "config", "overrides", "tuned"})
 """Fields of an identity that another version of the software may change."""
 
 MATCHED = frozenset({"method", "preset", "set", "task", "seed"})

@@ -7,6 +7,7 @@ of ordinary records, one per trial and seed.
 from __future__ import annotations
 
 import json
+import math
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,8 +20,8 @@ from lfobench.contract.record import Record, Tuning, content_hash
 from lfobench.contract.statistic import Statistic
 from lfobench.errors import UserError
 from lfobench.files import write_text
-from lfobench.plan.cells import Run
-from lfobench.plan.names import parse_assignments, split_names
+from lfobench.plan.cells import Cell, Run
+from lfobench.plan.names import parse_assignments, parse_grids, spelled_grid
 from lfobench.plan.planning import Plan, Request
 from lfobench.plan.tuning import Search, search_of, tune_command
 from lfobench.store.explain import differences
@@ -152,6 +153,25 @@ class TuningFolder:
         choice = self._read(self.path(search))
         return choice if choice is not None and content_hash(choice.conditions) == search.hash else None
 
+    def all_for(self, cell: Cell) -> list[tuple[Search, Choice]]:
+        """The choices that hold for a cell, whatever grids they were made from, which nobody declares any more."""
+        folder = self.root / TUNING / safe_name(cell.task.name)
+        found = []
+        for path in sorted(folder.glob(f"{safe_name(cell.method.name)}-*.json")):
+            choice = self._read(path)
+            if choice is None or choice.conditions.get("method") != cell.method.name:
+                continue
+            grid = choice.tuning.grid
+            if math.prod(map(len, grid.values())) != len(choice.trials):
+                continue
+            try:
+                search = search_of(cell, {cell.method.name: grid})
+            except UserError:
+                continue  # the method has changed since
+            if search is not None and content_hash(choice.conditions) == search.hash:
+                found.append((search, choice))
+        return found
+
     def problem(self, search: Search) -> str:
         """Why `find` finds nothing, in a sentence; of other choices for the method and task, the nearest is told.
 
@@ -189,16 +209,22 @@ class TuningFolder:
 
 
 def with_choices(plan: Plan, request: Request, folder: TuningFolder) -> Plan:
-    """The plan with the chosen values, where the suite declares a grid; what ``--set`` says stays over them.
+    """The plan with the chosen values, where there is a grid; what ``--set`` says stays over them.
+
+    Where neither ``--grid`` nor the task nor the method names a grid, the only choice that holds for a cell is taken.
 
     Raises:
-        UserError: where a choice is missing or holds for something else, naming the command that makes it, or where
-            there is nothing to choose at all.
+        UserError: where a choice is missing or holds for something else, naming the command that makes it, where there
+            are several, or where there is nothing to choose at all.
     """
     cells, lacking, declared = [], [], False
-    assigned = parse_assignments(request.assignments, split_names(request.methods))
+    methods = list(dict.fromkeys(cell.method.name for cell in plan.cells))
+    assigned, asked = parse_assignments(request.assignments, methods), parse_grids(request.grids, methods)
     for cell in plan.cells:
-        search = search_of(cell)
+        search = search_of(cell, asked)
+        if search is None and (made := folder.all_for(cell)):
+            _check_single(cell, made)
+            search = made[0][0]
         if search is None:
             cells.append(cell)
             continue
@@ -213,10 +239,20 @@ def with_choices(plan: Plan, request: Request, folder: TuningFolder) -> Plan:
     if not declared:
         raise UserError(
             f"Suite '{plan.suite.name}' declares no grid for these methods and tasks, so nothing is tuned.",
-            "Leave out --tuned.",
+            "Leave out --tuned, or choose first: lfobench tune --grid METHOD.FIELD=V1,V2.",
         )
     if lacking:
         more = f" In all, {len(lacking)} choices are missing or out of date." if len(lacking) > 1 else ""
         command = tune_command(request, plan.protocol.name, lacking, str(folder.root))
         raise UserError(f"{folder.problem(lacking[0])}{more}", f"Run first: {command}")
     return replace(plan, cells=tuple(cells))
+
+
+def _check_single(cell: Cell, made: Sequence[tuple[Search, Choice]]) -> None:
+    if len(made) > 1:
+        name = cell.method.name
+        grids = [" ".join(f"--grid {text}" for text in spelled_grid(name, search.grid)) for search, _ in made]
+        raise UserError(
+            f"There are {len(made)} choices for {name} on {cell.task.name}, from other grids.",
+            f"Say which: {'; or '.join(grids)}",
+        )

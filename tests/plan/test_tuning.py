@@ -96,7 +96,7 @@ def test_trials_are_told_apart_from_each_other_and_from_results() -> None:
 def test_a_cell_without_a_grid_has_no_search() -> None:
     assert search_of(smoke_cell("dilo", MEDIUM, TUNED)) is None
     assert search_of(smoke_cell("bco", MEDIUM, TUNED)) is None
-    found = searches(planned("bc,bco"), ())
+    found = searches(planned("bc,bco"), Request("bc,bco", TUNED))
     assert [(each.cell.task.name, each.cell.method.name) for each in found] == [
         (RANDOM, "bc"),
         (RANDOM, "bco"),
@@ -211,15 +211,15 @@ def test_a_suites_mistake_names_suite_task_and_field(grid: dict[str, tuple[Any, 
 
 def test_a_method_without_a_grid_is_refused() -> None:
     with pytest.raises(UserError, match=r"'tuned' declares no grid for dilo on any of 2 tasks.*grid: bc, bco"):
-        searches(planned("bc,dilo"), ())
+        searches(planned("bc,dilo"), Request("bc,dilo", TUNED))
     with pytest.raises(UserError, match=r"declares no grid for bco on pole-medium-expert.*grid: bc\."):
-        searches(planned("bco", MEDIUM), ())
+        searches(planned("bco", MEDIUM), Request("bco", TUNED))
 
 
 def test_a_field_of_the_grid_cannot_be_set() -> None:
     assigned = ("bc.batch_size=16", "bc.learning_rate=3")
     with pytest.raises(UserError, match=r"--set bc\.learning_rate names a field of the grid on pole-random-expert"):
-        searches(planned("bc", assignments=assigned), assigned)
+        searches(planned("bc", assignments=assigned), Request("bc", TUNED, assignments=assigned))
 
 
 def test_the_command_that_makes_a_choice_repeats_the_request() -> None:

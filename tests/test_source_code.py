@@ -1,0 +1,208 @@
+"""Files of a method from outside: whoever edits one has another method."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+from helpers_engine import Drifting, smoke_cell
+from helpers_plugins import forget_registrations, install, method_source, use
+
+from lfobench.contract.method import Method
+from lfobench.errors import UserError
+from lfobench.plan.cells import Run
+from lfobench.plan.planning import Request, make_plan
+from lfobench.python_files import forget
+from lfobench.registry import load_method, method_names
+from lfobench.source_code import SESSION, check_unchanged, code_of, in_session, package_of, ships
+
+TINY = str(Path(__file__).with_name("tiny_suite.py"))
+
+
+def write(folder: Path, files: Mapping[str, str]) -> None:
+    for name, source in files.items():
+        place = folder / f"{name}.py"
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(dedent(source), encoding="utf-8")
+
+
+def hash_of(path: Path) -> str:
+    (run, *_) = make_plan(Request(str(path), TINY, "pole-random-expert", protocol="smoke"), lambda: False).runs
+    return run.identity_hash
+
+
+def test_methods_that_ship_have_a_version_and_no_files() -> None:
+    for name in method_names():
+        method = load_method(name)
+        assert ships(method) and code_of(method) == {} and package_of(method) == {}
+        assert "method_code" not in smoke_cell(name).identity
+    assert not ships(Drifting)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A method, what it imports in many ways, and what it does not."""
+    source = """
+        import json
+        import numpy
+        import nets
+        from inner.deep import WIDTH
+        from methods import bc
+
+        def later():
+            from inner import shallow
+    """
+    files = {
+        "mine": method_source() + dedent(source),
+        "nets": "import losses",
+        "losses": "",
+        "inner/__init__": "",
+        "inner/deep": "from . import beside\nfrom .beside import y\nWIDTH = 3",
+        "inner/beside": "from .. import losses\ny = 1",
+        "inner/shallow": "",
+    }
+    write(tmp_path, files | dict.fromkeys(("inner/unused", "stranger", "json", "methods/bc"), ""))
+    return tmp_path
+
+
+FILES = {"mine.py", "nets.py", "losses.py", "inner/__init__.py", "inner/deep.py", "inner/beside.py", "inner/shallow.py"}
+
+
+def test_everything_that_is_imported_from_its_folder_counts(folder: Path) -> None:
+    assert set(code_of(load_method(str(folder / "mine.py")))) == FILES
+
+
+@pytest.mark.parametrize("file", sorted(FILES))
+def test_an_edit_of_any_of_them_is_another_run(file: str, folder: Path) -> None:
+    before = hash_of(folder / "mine.py")
+    with (folder / file).open("a", encoding="utf-8") as out:
+        out.write("\n# a remark\n")
+    assert hash_of(folder / "mine.py") != before
+
+
+def test_an_edit_of_anything_else_is_not(folder: Path) -> None:
+    before = hash_of(folder / "mine.py")
+    for file in ("inner/unused.py", "stranger.py", "json.py"):
+        (folder / file).write_text("x = 1", encoding="utf-8")
+    forget(folder / "mine.py")
+    assert hash_of(folder / "mine.py") == before
+
+
+def test_where_the_folder_lies_and_when_it_was_written_do_not_matter(folder: Path, tmp_path: Path) -> None:
+    elsewhere = folder.rename(tmp_path.parent / f"{tmp_path.name}-elsewhere")
+    moved = hash_of(elsewhere / "mine.py")
+    (elsewhere / "nets.py").touch()
+    assert hash_of(elsewhere.rename(folder) / "mine.py") == moved
+
+
+def test_the_identity_is_the_same_in_another_process(folder: Path) -> None:
+    source = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\nfrom test_source_code import hash_of\n"
+    source += f"from pathlib import Path; print(hash_of(Path({str(folder / 'mine.py')!r})))"
+    done = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == hash_of(folder / "mine.py")
+
+
+def test_of_an_installed_package_its_own_modules_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    site = install(
+        tmp_path / "site-packages",
+        "somebody",
+        {"mine": method_source() + "from somebody import nets\nimport neighbour\nfrom . import parts\n"}
+        | {"nets": "", "parts": "", "others": ""},
+        methods={"mine": "somebody.mine:Mine"},
+    )
+    install(site, "neighbour", {})
+    use(site, monkeypatch)
+    try:
+        method = load_method("mine")
+        assert set(code_of(method)) == {
+            "somebody/__init__.py",
+            "somebody/mine.py",
+            "somebody/nets.py",
+            "somebody/parts.py",
+        }
+        assert package_of(method) == {"somebody": "1.0"}
+    finally:
+        monkeypatch.undo()
+        forget_registrations()
+
+
+def test_a_class_whose_file_was_edited_after_its_import_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "stale.py"
+    path.write_text(method_source(), encoding="utf-8")
+    module = __import__("runpy").run_path(str(path), run_name="stale_module")
+    sys.modules["stale_module"] = type(sys)("stale_module")
+    sys.modules["stale_module"].__dict__.update(module)
+    try:
+        path.write_text(method_source().replace("0.1 *", "0.2 *"), encoding="utf-8")
+        with pytest.raises(UserError, match=r"stale\.py was edited after its method 'mine' was imported"):
+            code_of(module["Mine"])
+    finally:
+        del sys.modules["stale_module"]
+
+
+def test_nothing_trains_as_what_was_planned_once_its_files_are_others(folder: Path) -> None:
+    method = load_method(str(folder / "mine.py"))
+    check_unchanged(method, code_of(method))
+    with pytest.raises(UserError, match=r"nets\.py of method 'mine' changed after the plan was made"):
+        check_unchanged(method, {**code_of(method), "nets.py": "0" * 64})
+
+
+# --- classes that were typed into a session --------------------------------------------------------------------------
+
+
+def typed(source: str) -> type[Method]:
+    """A method as a notebook has it: of the main program, in no file."""
+    code = f"""
+import sys
+from lfobench.source_code import code_of, in_session
+exec(compile({source!r}, "<cell>", "exec"), sys.modules["__main__"].__dict__)
+assert in_session(Mine)
+print(code_of(Mine))
+"""
+    done = subprocess.run([sys.executable, "-"], input=code, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return eval(done.stdout)  # type: ignore[no-any-return]
+
+
+HELPED = method_source().replace("0.1 *", "RATE * scale(Half) *") + dedent("""
+    RATE = 0.1
+    class Half:
+        value = 0.5
+    def scale(kind):
+        return kind.value
+""")
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda source: source.replace("RATE = 0.1", "RATE = 0.2"),
+        lambda source: source.replace("value = 0.5", "value = 0.25"),
+        lambda source: source.replace("return kind.value", "return kind.value + 1"),
+        lambda source: source.replace("Field(1.0", "Field(2.0"),
+        lambda source: source.replace(".clamp(-1.0, 1.0)", ".clamp(-1.0, 0.5)"),
+        lambda source: source.replace("beta: float", "gamma: int = 3\n    beta: float"),
+    ],
+)
+def test_of_a_class_in_no_file_what_was_typed_counts(edit: Callable[[str], str]) -> None:
+    before = typed(HELPED)
+    assert set(before) == {SESSION}
+    assert typed(HELPED) == before
+    assert edit(HELPED) != HELPED
+    assert typed(edit(HELPED)) != before
+
+
+def test_a_class_made_inside_a_function_is_of_this_session() -> None:
+    class Local(Drifting):
+        name = "local"
+
+    assert in_session(Local)
+    assert not in_session(Drifting)
+    assert not in_session(load_method("bc"))
+    cell = replace(smoke_cell("bc"), method=Drifting, config=Drifting.Config(), code=code_of(Drifting))
+    assert set(Run(cell, 0).identity["method_code"]) >= {"helpers_engine.py"}
