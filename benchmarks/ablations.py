@@ -15,8 +15,8 @@ from benchmarks.synthetic import SHAPES
 from benchmarks.training import Bench
 from benchmarks.workloads import WORKLOADS
 from lfobench.engine import sampling
-from methods import networks
-from methods.perceptron import Parameters, composed
+from lfobench.nn import networks
+from lfobench.nn.perceptron import Parameters, composed
 
 AS_IT_IS = "as it is"
 CASES = (("dilo", 256), ("dilo", 1024), ("smodice", 512), ("bc", 512))

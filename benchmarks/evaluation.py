@@ -20,6 +20,7 @@ from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.evaluation import Evaluator, start_seed
 from lfobench.engine.evaluation_workers import EvaluationWorkers
 from lfobench.engine.rollout import EpisodeResults
+from lfobench.engine.state import MethodState, live_tensors
 from lfobench.plan.cells import Cell
 from lfobench.plan.planning import Request, make_plan
 
@@ -141,7 +142,7 @@ def compare_evaluation(
         np.zeros(shapes.observation, np.float32), np.ones(shapes.observation, np.float32), False
     )
     method = cell.method(cell.config, shapes, axis, CPU)
-    policies = [_torch_policy(flat, shapes, cell) for flat in method.state()["policy"]]
+    policies = [_torch_policy(flat, shapes, cell) for flat in live_tensors(method)["policy.network"]]
     observation = torch.ones(len(axis), 1, shapes.observation)
     _check_policies(policies, observation, method.act(observation))
     evaluator = Evaluator(cell.task, transform, len(axis), range(EPISODES))
@@ -149,7 +150,7 @@ def compare_evaluation(
     starts = [start_seed(cell.task, episode) for episode in range(EPISODES)]
 
     def by_workers() -> EpisodeResults:
-        pool.submit(0, method.state())
+        pool.submit(0, MethodState.of(method, shapes, len(axis)).capture())
         return pool.collect().results
 
     ways = {

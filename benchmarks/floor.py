@@ -13,7 +13,7 @@ from torch import Tensor
 
 from benchmarks.flops import Pass
 from lfobench.engine.program import recorder_for
-from methods.perceptron import ROWS_IN_CACHE
+from lfobench.nn.perceptron import ROWS_IN_CACHE
 
 
 @dataclass(frozen=True)

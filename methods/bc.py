@@ -20,15 +20,13 @@ from lfobench.contract.method import (
     Method,
     MethodConfig,
     Metrics,
-    PresetName,
     Shapes,
     Sizes,
     Stage,
-    State,
     Widths,
 )
 from lfobench.contract.randomness import StepRandomness
-from methods.policies import DeterministicPolicy, TanhGaussianPolicy
+from lfobench.nn.policies import DeterministicPolicy, TanhGaussianPolicy
 
 # 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3}
@@ -52,8 +50,9 @@ class Bc(Method):
     name = "bc"
     access_to_expert_actions = True
     Config = BcConfig
+    config: BcConfig
     stated = ("loss",)
-    presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "released": {},
         "paper": {"loss": "likelihood", "batch_size": 1024},
     }
@@ -69,7 +68,6 @@ class Bc(Method):
         return DataNeeds(offline=("observation", "action"), standardize=config.standardize)
 
     def __init__(self, config: BcConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
-        self.config = config
         self.policy: DeterministicPolicy | TanhGaussianPolicy
         if config.loss == "squared":
             self.policy = DeterministicPolicy(shapes, config.hidden, seeds, device, learning_rate=config.learning_rate)
@@ -101,7 +99,3 @@ class Bc(Method):
         """Mean actions."""
         with torch.no_grad():
             return self.policy.act(observation)
-
-    def state(self) -> State:
-        """Live tensors for a checkpoint."""
-        return self.policy.state()

@@ -21,16 +21,14 @@ from lfobench.contract.method import (
     Method,
     MethodConfig,
     Metrics,
-    PresetName,
     Shapes,
     Sizes,
     Stage,
-    State,
     Widths,
 )
 from lfobench.contract.randomness import StepRandomness
-from methods.networks import Adam, Network
-from methods.policies import DeterministicPolicy, squared_error
+from lfobench.nn.networks import Adam, Network
+from lfobench.nn.policies import DeterministicPolicy, squared_error
 
 INVERSE_DYNAMICS = "inverse dynamics"
 
@@ -62,8 +60,9 @@ class Bco(Method):
 
     name = "bco"
     Config = BcoConfig
+    config: BcoConfig
     stated = ("inverse_dynamics_epochs",)
-    presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {"released": {}, "paper": {}}
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {"released": {}, "paper": {}}
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "quick": QUICK,
         "demo": {**QUICK, "batch_size": 128, "hidden": (128, 128)},
@@ -81,7 +80,6 @@ class Bco(Method):
         )
 
     def __init__(self, config: BcoConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
-        self.config = config
         sizes = (2 * shapes.observation, *config.hidden, shapes.action)
         self.inverse_dynamics = Network(INVERSE_DYNAMICS, sizes, seeds, device)
         self.inverse_dynamics_optimizer = Adam(self.inverse_dynamics.flat, config.inverse_dynamics_learning_rate)
@@ -121,11 +119,3 @@ class Bco(Method):
         """Deterministic actions."""
         with torch.no_grad():
             return self.policy.act(observation)
-
-    def state(self) -> State:
-        """Live tensors for a checkpoint."""
-        return {
-            "inverse_dynamics": self.inverse_dynamics.flat,
-            **self.inverse_dynamics_optimizer.state("inverse_dynamics.adam"),
-            **self.policy.state(),
-        }

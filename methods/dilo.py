@@ -35,17 +35,15 @@ from lfobench.contract.method import (
     Method,
     MethodConfig,
     Metrics,
-    PresetName,
     Shapes,
     Sizes,
     Stage,
-    State,
     Termination,
     Widths,
 )
 from lfobench.contract.randomness import StepRandomness
-from methods.networks import Adam, Network
-from methods.policies import DeterministicPolicy, GaussianPolicy
+from lfobench.nn.networks import Adam, Network
+from lfobench.nn.policies import DeterministicPolicy, GaussianPolicy
 
 # 12k steps of batch 256, what a CPU has time for. V has to climb towards 200 in them (methods.md 3.1, scale analysis),
 # hence the larger rates; what they reach is in results/reference.
@@ -99,8 +97,9 @@ class Dilo(Method):
 
     name = "dilo"
     Config = DiloConfig
+    config: DiloConfig
     stated = ("tau", "conservatism", "termination")
-    presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "released": {},
         "paper": {
             "conservatism": None,
@@ -127,7 +126,6 @@ class Dilo(Method):
         )
 
     def __init__(self, config: DiloConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
-        self.config = config
         sizes = (2 * shapes.observation, *config.hidden, 1)
         self.value = Network("value", sizes, seeds, device, heads=2)
         self.target = self.value.copy()
@@ -240,15 +238,6 @@ class Dilo(Method):
         """Deterministic actions."""
         with torch.no_grad():
             return self.policy.act(observation)
-
-    def state(self) -> State:
-        """Live tensors for a checkpoint."""
-        return {
-            "value": self.value.flat,
-            "value.target": self.target.flat,
-            **self.value_optimizer.state("value.adam"),
-            **self.policy.state(),
-        }
 
 
 def _pair(batch: Batch, first: Any, second: Any) -> Tensor:

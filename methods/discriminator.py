@@ -9,9 +9,9 @@ from pydantic import Field
 from torch import Tensor
 from torch.nn.functional import logsigmoid
 
-from lfobench.contract.method import MethodConfig, Metrics, Shapes, Sizes, Stage, State
+from lfobench.contract.method import MethodConfig, Metrics, Shapes, Sizes, Stage
 from lfobench.contract.randomness import StepRandomness
-from methods.networks import Adam, Network
+from lfobench.nn.networks import Adam, Network
 
 STAGE = "discriminator"
 
@@ -95,7 +95,3 @@ class Discriminator:
         loss = classification + self._config.gradient_penalty * penalty
         self._optimizer.step(self._network.gradient(loss))
         return {"discriminator_loss": classification.detach(), "gradient_penalty": penalty.detach()}
-
-    def state(self) -> State:
-        """Live tensors for a checkpoint."""
-        return {STAGE: self._network.flat, **self._optimizer.state(f"{STAGE}.adam")}

@@ -19,17 +19,15 @@ from lfobench.contract.method import (
     DataNeeds,
     Method,
     Metrics,
-    PresetName,
     Shapes,
     Sizes,
     Stage,
-    State,
     Widths,
 )
 from lfobench.contract.randomness import StepRandomness
+from lfobench.nn.networks import Adam, Network
 from methods import discriminator
 from methods.discriminator import Discriminator, DiscriminatorConfig
-from methods.networks import Adam, Network
 
 # 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3, "target_rate": 0.02, "discriminator_passes": 250}
@@ -55,8 +53,9 @@ class Oril(Method):
 
     name = "oril"
     Config = OrilConfig
+    config: OrilConfig
     stated = ("freeze_first_layer", "absorbing")
-    presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "released": {},
         "paper": {"freeze_first_layer": False, "batch_size": 1024},
     }
@@ -82,7 +81,6 @@ class Oril(Method):
         )
 
     def __init__(self, config: OrilConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
-        self.config = config
         self.discriminator = Discriminator(shapes, config.hidden, seeds, device, config)
         self.actor = Network("actor", (shapes.observation, *config.hidden, shapes.action), seeds, device)
         critic_sizes = (shapes.observation + shapes.action, *config.hidden, 1)
@@ -150,15 +148,3 @@ class Oril(Method):
         """Deterministic actions."""
         with torch.no_grad():
             return torch.tanh(self.actor(observation))
-
-    def state(self) -> State:
-        """Live tensors for a checkpoint."""
-        return {
-            **self.discriminator.state(),
-            "actor": self.actor.flat,
-            "actor.target": self.actor_target.flat,
-            "critic": self.critic.flat,
-            "critic.target": self.critic_target.flat,
-            **self.actor_optimizer.state("actor.adam"),
-            **self.critic_optimizer.state("critic.adam"),
-        }

@@ -28,18 +28,16 @@ from lfobench.contract.method import (
     DataNeeds,
     Method,
     Metrics,
-    PresetName,
     Shapes,
     Sizes,
     Stage,
-    State,
     Widths,
 )
 from lfobench.contract.randomness import StepRandomness
+from lfobench.nn.networks import Adam, Network
+from lfobench.nn.policies import TanhGaussianPolicy
 from methods import discriminator
 from methods.discriminator import Discriminator, DiscriminatorConfig
-from methods.networks import Adam, Network
-from methods.policies import TanhGaussianPolicy
 
 # 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3, "discriminator_passes": 250}
@@ -63,8 +61,9 @@ class Smodice(Method):
 
     name = "smodice"
     Config = SmodiceConfig
+    config: SmodiceConfig
     stated = ("divergence", "freeze_first_layer", "absorbing")
-    presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "released": {},
         "paper": {"freeze_first_layer": False, "batch_size": 1024},
     }
@@ -90,7 +89,6 @@ class Smodice(Method):
         )
 
     def __init__(self, config: SmodiceConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
-        self.config = config
         self.discriminator = Discriminator(shapes, config.hidden, seeds, device, config)
         self.value = Network("value", (shapes.observation, *config.hidden, 1), seeds, device, initialization="xavier")
         self.value_optimizer = Adam(self.value.flat, config.learning_rate, weight_decay=config.value_weight_decay)
@@ -152,12 +150,3 @@ class Smodice(Method):
         """Mean actions."""
         with torch.no_grad():
             return self.policy.act(observation)
-
-    def state(self) -> State:
-        """Live tensors for a checkpoint."""
-        return {
-            **self.discriminator.state(),
-            "value": self.value.flat,
-            **self.value_optimizer.state("value.adam"),
-            **self.policy.state(),
-        }

@@ -19,11 +19,9 @@ from lfobench.contract.method import (
     Method,
     MethodConfig,
     Metrics,
-    PresetName,
     Shapes,
     Sizes,
     Stage,
-    State,
 )
 from lfobench.contract.randomness import StepRandomness
 from lfobench.contract.record import Record
@@ -124,14 +122,14 @@ class Drifting(Method):
 
     name = "drifting"
     Config = FakeConfig
-    presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]] = {"released": {}, "paper": {}}
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {"released": {}, "paper": {}}
 
     @classmethod
     def needs(cls, config: FakeConfig) -> DataNeeds:
         return DataNeeds(offline=("observation", "action"), expert=("observation",))
 
     def __init__(self, config: FakeConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
-        self.config, self.seeds = config, list(seeds)
+        self.seeds = list(seeds)
         self.factor = torch.ones(len(seeds), 1, 1)
         self.drifts = torch.zeros(())
         start = torch.tensor([float(seed + 1) for seed in seeds], device=device)
@@ -158,9 +156,6 @@ class Drifting(Method):
 
     def act(self, observation: Tensor) -> Tensor:
         return torch.tanh((observation[..., None] * self.weight[:, None]).sum(-2)) * self.factor
-
-    def state(self) -> State:
-        return {"weight": self.weight, "drifts": self.drifts}
 
 
 class Silent(Drifting):

@@ -1,17 +1,21 @@
-"""What a method offers the harness and what it gets from it.
+"""The contract between a method and the harness.
 
-A method is one class in one file. It declares what it must see (`DataNeeds`); it is handed batches that hold
+A method is one class in one file. It declares the data that it must see (`DataNeeds`); it is handed batches with
 those fields and nothing else. It knows nothing of files, suites, environments or printing.
 
-Every tensor has a leading seed axis: parameters ``[S, ...]``, batches ``[S, B, ...]``, metrics ``[S]``.
+Batches, metrics and actions have a leading seed axis: ``[S, B, ...]``, ``[S]``, ``[S, N, act]``. Parameters may have
+one too (``[S, ...]``, as in `lfobench.nn.networks`: fast), or be ordinary modules, one per seed
+(`lfobench.nn.modules.PerSeed`: slower, just as right).
+
+A minimal method has `name`, `Config`, `needs`, `__init__`, `update` and `act`; everything else has a default.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import torch
 from pydantic import BaseModel, ConfigDict, PositiveInt, Strict
@@ -26,6 +30,7 @@ Field = Literal[
     "second_next_observation",
     "terminated",
     "initial_observation",
+    "label",
 ]
 Batch = Mapping[Field, Tensor]
 Metrics = dict[str, Tensor]
@@ -33,7 +38,8 @@ State = dict[str, Tensor]
 
 Boundary = Literal["released", "exact"]
 Termination = Literal["teleport", "zero", "absorbing"]
-PresetName = Literal["released", "paper"]
+PresetName = str
+DEFAULT_BATCH = 256
 
 
 Widths = tuple[Annotated[PositiveInt, Strict()], ...]
@@ -50,7 +56,7 @@ class DataNeeds:
     """What a method must see, and in which form (data/boundaries.py defines the rules by name).
 
     Attributes:
-        offline: fields of an offline batch.
+        offline: fields of an offline batch; ``label`` is what the method's `prepare` computed.
         expert: fields of an expert batch; may name ``action`` only if the method declares its access.
         boundary: which rows exist: ``released`` (the authors' readers, quirks included) or ``exact``.
         termination: what follows a terminal step.
@@ -81,6 +87,31 @@ class Sizes:
 
 
 @dataclass(frozen=True)
+class Trajectories:
+    """One part of the data as whole trajectories, for `Method.prepare`.
+
+    They come in an order that says nothing about where they are from; rewards do not exist here. Observations are
+    those of the batches: standardised, or with an absorbing indicator, where the method asks for it.
+
+    Attributes:
+        observations: ``[N + E, obs]``; a trajectory of T steps owns T + 1 rows, the last of them NaN where the data
+            does not hold the observation it ended in.
+        actions: ``[N, act]``; None where the method's `needs` do not name them for this part.
+        lengths: ``[E]`` steps of each trajectory.
+        terminated: ``[E]``; True where the environment ended the trajectory, False where time ran out or it was cut.
+    """
+
+    observations: Tensor
+    actions: Tensor | None
+    lengths: Tensor
+    terminated: Tensor
+
+    def split(self) -> list[Tensor]:
+        """The observations ``[T + 1, obs]`` of every trajectory."""
+        return list(self.observations.split((self.lengths + 1).tolist()))
+
+
+@dataclass(frozen=True)
 class Stage:
     """A stretch of training with its own update.
 
@@ -105,54 +136,101 @@ class Stage:
 class Method(ABC):
     """One learning algorithm training all its seeds at once.
 
+    The harness finds what training changes by itself: tensors, networks and optimisers of `lfobench.nn`,
+    `torch.nn.Module`, `torch.optim.Optimizer` and plain numbers that the method holds, directly, in containers or in
+    other objects, as one for all seeds or as a list with one per seed. It must all exist when `__init__` returns.
+
     Class attributes:
         name: what ``--methods`` takes.
-        version: raised whenever the numbers a method produces change; part of every run's identity.
+        version: raised whenever the numbers of a method that ships with lfobench change; part of every run's identity.
+            A method from elsewhere is identified by its source files as well.
         access_to_expert_actions: the column group of the seed paper's Table 1. Cloning the mixed offline data
             counts as access there. Only a method that declares it may ask for expert actions.
         Config: the hyperparameters; their defaults are the ``released`` preset.
-        presets: per preset, the fields that differ from the defaults, with the values of methods.md.
-        stated: configuration fields that every footnote names, because the method's numbers mean little without them
-            (methods.md 10, item 5).
+        presets: per preset, the fields that differ from the defaults.
+        stated: configuration fields that every footnote names, because the method's numbers mean little without them.
         budgets: per protocol, the fields that it changes to fit its budget; printed in every footnote.
         grids: fields and the values among which ``lfobench tune`` chooses, where the task declares none for the method.
+
+    Attributes:
+        config: of this instance; set before `__init__` runs.
     """
 
     name: ClassVar[str]
     version: ClassVar[int] = 1
     access_to_expert_actions: ClassVar[bool] = False
     Config: ClassVar[type[MethodConfig]]
-    presets: ClassVar[Mapping[PresetName, Mapping[str, Any]]]
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {"released": {}}
     stated: ClassVar[tuple[str, ...]] = ()
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     grids: ClassVar[Mapping[str, tuple[Any, ...]]] = {}
 
+    config: Any
+
+    def __new__(cls, config: Any = None, *_: Any, **__: Any) -> Self:
+        """An instance that knows its configuration, whatever its own `__init__` keeps."""
+        method = super().__new__(cls)
+        method.config = config
+        return method
+
     @classmethod
     @abstractmethod
     def needs(cls, config: Any) -> DataNeeds:
-        """What this configuration must see."""
+        """The data that this configuration must see."""
+
+    @classmethod
+    def prepare(
+        cls,
+        config: Any,
+        offline: Trajectories,
+        expert: Trajectories,
+        seeds: Sequence[int],
+        progress: Callable[[float], None],
+    ) -> Tensor:
+        """Labels of the offline transitions, computed once from the whole data before training.
+
+        Called only where `needs` names ``label`` among the offline fields; every batch then holds the labels of its
+        rows under that name. They must be a function of the arguments alone: they are cached under a hash of the
+        data, the configuration, the method's code and, where they differ between seeds, the seed.
+
+        Args:
+            config: of the method.
+            offline: on the training device; no rewards, nothing about where a trajectory is from.
+            expert: the demonstrations; actions only for a method that declares its access.
+            seeds: the seed axis.
+            progress: to be called now and then with the part that is done, in [0, 1]; it may raise to end the work.
+
+        Returns:
+            ``[N]`` for all seeds, or ``[S, N]``, in the order of the transitions of `offline`; float32, finite.
+        """
+        raise NotImplementedError(f"{cls.name} asks for labels and has no `prepare`")
 
     @abstractmethod
     def __init__(self, config: Any, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
-        """Build networks and optimisers for all seeds."""
+        """Networks and optimisers for all seeds."""
 
-    @abstractmethod
     def stages(self, sizes: Sizes) -> Sequence[Stage]:
-        """Training from start to end; only the last stage has no length of its own."""
+        """Training from start to end; only the last stage has no length of its own.
+
+        By default one stage, ``policy``, with `config.batch_size` rows (256 where there is no such field) of each part
+        whose fields the method needs.
+        """
+        needs, rows = self.needs(self.config), getattr(self.config, "batch_size", DEFAULT_BATCH)
+        return (Stage("policy", None, rows if needs.offline else 0, rows if needs.expert else 0),)
 
     @abstractmethod
     def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
         """One gradient step of `stage` for every seed.
 
-        It must be made of tensor operations on its arguments and on `state`, in place: an engine may record them once
-        and replay them (as a CUDA graph). No value may be read back, and nothing in Python may depend on the step but
-        through ``randomness.phase``.
+        On a CUDA device an engine records the operations once and replays them (as a CUDA graph), so they should be
+        tensor operations on the arguments and, in place, on what the method holds. An update that reads a value back,
+        or counts in Python, runs step by step there, and the record says so.
 
         Args:
             stage: name of the running stage.
             offline: the declared fields, ``[S, B, ...]``.
             expert: the declared fields, ``[S, B, ...]``.
-            randomness: this step's draws.
+            randomness: this step's draws; the only source of chance.
 
         Returns:
             Metrics ``[S]``, detached, left on the device.
@@ -160,11 +238,11 @@ class Method(ABC):
 
     @abstractmethod
     def act(self, observation: Tensor) -> Tensor:
-        """Evaluation actions in [-1, 1], ``[S, N, obs] -> [S, N, act]``, without gradient."""
+        """Evaluation actions in [-1, 1], ``[S, N, obs] -> [S, N, act]``; called without gradient."""
 
-    @abstractmethod
-    def state(self) -> State:
-        """Every tensor that training changes, by name: ``[S, ...]``, ``[S*H, ...]`` seed-major, or a scalar.
+    def state(self) -> State | None:
+        """None: the harness collects the state. A method that keeps it elsewhere returns its live tensors by name.
 
-        The tensors are the live ones: restoring a checkpoint copies into them.
+        Tensors are ``[S, ...]``, ``[S*H, ...]`` seed-major, or the same for all seeds; restoring copies into them.
         """
+        return None

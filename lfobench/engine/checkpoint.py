@@ -1,19 +1,22 @@
-"""Checkpoints: everything that a killed job needs to continue bit for bit, in one file."""
+"""Checkpoints: everything that a killed run needs to continue bit for bit, in one file per seed.
+
+Seeds that trained together may go on apart, or in other company: a run's checkpoint does not know its neighbours.
+"""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-import torch
-from pydantic import BaseModel, ConfigDict
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from pydantic import BaseModel, ConfigDict, ValidationError
 from torch import Tensor
 
 from lfobench.contract.record import Evaluation, Metrics
-from lfobench.files import replacing
+from lfobench.engine.state import SeedState
+from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
+
+METRIC_SUM = "metric sum: "
 
 
 class Progress(BaseModel):
@@ -47,47 +50,73 @@ class Progress(BaseModel):
             seconds={"train": 0.0, "evaluate": 0.0},
         )
 
+    @property
+    def place(self) -> tuple[int, int]:
+        """Stage and step."""
+        return self.stage, self.step
 
-def save(path: Path, job: str, progress: Progress, tensors: Mapping[str, Tensor]) -> None:
-    """Write a checkpoint, whole or not at all.
+    def of_seed(self, index: int) -> Progress:
+        """One seed's part."""
+        return Progress(
+            stage=self.stage,
+            step=self.step,
+            evaluations=[self.evaluations[index]],
+            metrics=[self.metrics[index]],
+            diverged_at=[self.diverged_at[index]],
+            seconds=self.seconds,
+        )
+
+
+def joined(parts: Sequence[Progress]) -> Progress:
+    """The progress of seeds that stand at the same step; of their times the longest."""
+    return Progress(
+        stage=parts[0].stage,
+        step=parts[0].step,
+        evaluations=[each for part in parts for each in part.evaluations],
+        metrics=[each for part in parts for each in part.metrics],
+        diverged_at=[each for part in parts for each in part.diverged_at],
+        seconds={kind: max(part.seconds.get(kind, 0.0) for part in parts) for kind in parts[0].seconds},
+    )
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """One seed's.
+
+    Attributes:
+        progress: of this seed alone.
+        state: of the method.
+        sums: of the metrics since their last row, by name; ``[]`` each.
+    """
+
+    progress: Progress
+    state: SeedState
+    sums: Mapping[str, Tensor]
+
+
+def save(path: Path, key: str, checkpoint: Checkpoint) -> None:
+    """Write a checkpoint, whole or not at all; `key` hashes all that its numbers depend on.
 
     Raises:
         UserError: when the disk refuses.
     """
-    contiguous = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    with replacing(path) as temporary:
-        metadata = {"job": job, "progress": progress.model_dump_json()}
-        save_file(contiguous, temporary, {**metadata, "digest": _digest(contiguous, metadata)})
+    tensors = {**checkpoint.state.tensors, **{METRIC_SUM + name: total for name, total in checkpoint.sums.items()}}
+    progress, values = checkpoint.progress.model_dump(mode="json"), checkpoint.state.values
+    write_tensors(path, tensors, {"key": key, "progress": progress, "values": values})
 
 
-def load(path: Path, job: str, tensors: Mapping[str, Tensor]) -> tuple[Progress, dict[str, Tensor]] | None:
-    """Copy a checkpoint of the same job into `tensors`; returns its progress and what else it holds.
+def load(path: Path, key: str) -> Checkpoint | None:
+    """A checkpoint made under the same key; None when there is none that can be read.
 
-    None when there is none that fits. A checkpoint that cannot be read or belongs to another job is as good as
-    none: the run starts afresh, which costs time and changes no number.
+    One that cannot be read is as good as none: the run starts afresh, which costs time and changes no number.
     """
     try:
-        with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            if metadata.get("job") != job or not set(tensors) <= set(file.keys()):
-                return None
-            loaded = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dict
-            progress = Progress.model_validate_json(metadata["progress"])
-            if metadata.pop("digest", None) != _digest(loaded, metadata):
-                return None
-    except (OSError, SafetensorError, KeyError, ValueError):
+        tensors, about = read_tensors(path)
+        if about["key"] != key:
+            return None
+        progress = Progress.model_validate(about["progress"])
+        values = dict(about["values"])
+    except (DamagedFile, OSError, KeyError, TypeError, ValidationError):
         return None
-    if any(loaded[name].shape != tensor.shape for name, tensor in tensors.items()):
-        return None
-    with torch.no_grad():
-        for name, tensor in tensors.items():
-            tensor.copy_(loaded.pop(name))
-    return progress, loaded
-
-
-def _digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:
-    digest = hashlib.sha256(repr(sorted(metadata.items())).encode())
-    for name in sorted(tensors):
-        digest.update(name.encode())
-        digest.update(tensors[name].numpy().tobytes())
-    return digest.hexdigest()
+    sums = {name.removeprefix(METRIC_SUM): tensors.pop(name) for name in list(tensors) if name.startswith(METRIC_SUM)}
+    return Checkpoint(progress, SeedState(tensors, values), sums)

@@ -21,12 +21,13 @@ from lfobench.contract.method import Shapes
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.evaluation import Evaluator, fixed_starts
 from lfobench.engine.rollout import EpisodeResults
+from lfobench.engine.state import CPU, MethodState, SeedState
 from lfobench.plan.cells import Cell
 from lfobench.processes import die_with_parent, interrupts_held
 from lfobench.registry import load_suite
 
-CPU = torch.device("cpu")
-Snapshot = dict[str, NDArray[Any]]
+Snapshot = list[SeedState]
+"""A method's state as it was, per seed."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,10 @@ class Assignment:
     first: int
     last: int
 
-    def part(self, array: NDArray[Any]) -> NDArray[Any]:
-        """Its seeds' share of a state array."""
-        if array.ndim == 0:
-            return array
-        rows = len(array) // len(self.seeds)
-        return array[self.first * rows : self.last * rows]
+    def part(self, snapshot: Snapshot) -> list[tuple[dict[str, NDArray[Any]], dict[str, Any]]]:
+        """Its seeds' share of a snapshot, as arrays: torch would pass tensors through shared memory."""
+        share = snapshot[self.first : self.last]
+        return [({name: tensor.numpy() for name, tensor in each.tensors.items()}, each.values) for each in share]
 
 
 @dataclass(frozen=True)
@@ -96,13 +95,13 @@ class Worker:
             self.process.start()
         far_end.close()
         # A worker that is starting or evaluating does not read, and training must not wait for it.
-        self._outbox: SimpleQueue[Snapshot | None] = SimpleQueue()
+        self._outbox: SimpleQueue[Any] = SimpleQueue()
         self._sender = threading.Thread(target=_send, args=(self.pipe, self._outbox), daemon=True)
         self._sender.start()
 
     def send(self, snapshot: Snapshot) -> None:
         """Give it its seeds' share of the state of all seeds, which nobody may change any more; does not wait."""
-        self._outbox.put({name: self._assignment.part(array) for name, array in snapshot.items()})
+        self._outbox.put(self._assignment.part(snapshot))
 
     def receive(self) -> None:
         """Take the next message; raises `Failure` if it is one or the process is gone."""
@@ -123,11 +122,11 @@ class Worker:
         self.pipe.close()
 
 
-def _send(pipe: Connection, outbox: SimpleQueue[Snapshot | None]) -> None:
+def _send(pipe: Connection, outbox: SimpleQueue[Any]) -> None:
     # A process that is gone is noticed where its answer is awaited.
     with suppress(OSError):
-        while (snapshot := outbox.get()) is not None:
-            pipe.send(snapshot)
+        while (share := outbox.get()) is not None:
+            pipe.send(share)
 
 
 def _work(pipe: Connection, suite: str, assignment: bytes) -> None:
@@ -144,12 +143,16 @@ def _work(pipe: Connection, suite: str, assignment: bytes) -> None:
 def _serve(pipe: Connection, assignment: Assignment) -> None:
     cell, seeds = assignment.cell, assignment.seeds[assignment.first : assignment.last]
     method = cell.method(cell.config, assignment.shapes, seeds, CPU)
+    state = MethodState.of(method, assignment.shapes, len(seeds))
     evaluator = Evaluator(cell.task, assignment.transform, len(seeds), fixed_starts(cell), cell.starts)
     while True:
-        snapshot: Snapshot = pipe.recv()
+        share = pipe.recv()
         started = time.perf_counter()
-        with torch.no_grad():
-            for name, tensor in method.state().items():
-                tensor.copy_(torch.from_numpy(snapshot[name]))
+        state.restore(
+            [
+                SeedState({name: torch.from_numpy(array) for name, array in arrays.items()}, values)
+                for arrays, values in share
+            ]
+        )
         results = evaluator.evaluate(method, CPU)
         pipe.send(Part(results, time.perf_counter() - started))

@@ -10,18 +10,17 @@ import math
 import multiprocessing
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from multiprocessing.connection import wait
 from multiprocessing.util import Finalize
 
 import numpy as np
-from torch import Tensor
 
 from lfobench.contract.method import Shapes
 from lfobench.data.mixing import ObservationTransform
-from lfobench.engine.evaluation_process import CPU, Assignment, Failure, Snapshot, Worker
+from lfobench.engine.evaluation_process import Assignment, Failure, Snapshot, Worker
 from lfobench.engine.rollout import EpisodeResults
 from lfobench.plan.cells import Cell
 
@@ -65,7 +64,7 @@ class EvaluationWorkers:
         count = min(workers, len(seeds))
         if count < 1:
             raise ValueError(f"{workers} workers cannot evaluate {len(seeds)} seeds")
-        self._cell, self._seeds = cell, len(seeds)
+        self._cell = cell
         bounds = pairwise(len(seeds) * index // count for index in range(count + 1))
         self._assignments = [Assignment(cell, transform, shapes, tuple(seeds), *part) for part in bounds]
         self._workers: list[Worker] = []
@@ -78,17 +77,13 @@ class EvaluationWorkers:
         """Evaluations submitted and not collected."""
         return len(self._submitted)
 
-    def submit(self, step: int, state: Mapping[str, Tensor]) -> None:
-        """Evaluate a copy of `state` as it is now; waits for nothing but that copy.
+    def submit(self, step: int, snapshot: Snapshot) -> None:
+        """Evaluate a state that nobody changes any more; waits for nothing.
 
         Args:
             step: names the evaluation.
-            state: the method's: ``[S, ...]``, ``[S*H, ...]`` seed-major, or scalars.
-
-        Raises:
-            ValueError: for a tensor that has no equal part per seed.
+            snapshot: the method's state per seed, on the CPU.
         """
-        snapshot = _snapshot(state, self._seeds)
         if not self._workers:
             context = multiprocessing.get_context("spawn")
             for assignment in self._assignments:
@@ -164,10 +159,3 @@ def _end(workers: list[Worker]) -> None:
     for worker in workers:
         worker.close()
     workers.clear()
-
-
-def _snapshot(state: Mapping[str, Tensor], seeds: int) -> Snapshot:
-    for name, tensor in state.items():
-        if tensor.dim() > 0 and len(tensor) % seeds:
-            raise ValueError(f"state '{name}' has {len(tensor)} rows, which {seeds} seeds cannot share equally")
-    return {name: tensor.detach().to(CPU, copy=True).numpy() for name, tensor in state.items()}

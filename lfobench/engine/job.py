@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -13,9 +13,10 @@ from filelock import FileLock, Timeout
 
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Evaluation, Record, Warning, content_hash
-from lfobench.data.firewall import view
+from lfobench.data.firewall import View, view
 from lfobench.data.remarks import remarks
 from lfobench.data.source import TaskData, load_task
+from lfobench.engine import checkpoint
 from lfobench.engine.policy import save_policy
 from lfobench.engine.provenance import package_versions, provenance
 from lfobench.engine.training import Advance, Trainer
@@ -55,11 +56,6 @@ class Job:
         """One per seed."""
         return [Run(self.cell, seed) for seed in self.seeds]
 
-    @cached_property
-    def hash(self) -> str:
-        """Names the checkpoint."""
-        return content_hash([self.cell.identity, list(self.seeds)])
-
 
 @dataclass(frozen=True)
 class Recorded:
@@ -73,30 +69,54 @@ class Recorded:
 
 
 class Busy(Exception):
-    """Another process is training this job."""
+    """Another process is training a run of this job."""
 
 
 def carry_out(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
-    """Train a job and write its records; ends early, with a checkpoint, when `stop` says so.
+    """Train a job and write its records; ends early, with checkpoints, when `stop` says so.
+
+    Seeds that another process is training are left to it; the others train together, or in groups where their
+    checkpoints stand at different steps.
 
     Raises:
-        Busy: when another process holds the job.
+        Busy: when another process holds any of the job's runs.
         UserError: for missing or damaged data, or a disk that refuses.
     """
     folder = RecordFolder(job.out)
-    checkpoint = folder.checkpoint(job.hash)
-    writable_folder(checkpoint.parent, "--out")
+    writable_folder(folder.checkpoints, "--out")
+    with ExitStack() as held:
+        free = [run for run in job.runs if _locked(folder, run, held)]
+        pending = [run for run in free if not folder.find(run)]
+        if pending:
+            yield from _train(job, pending, folder, stop)
+        if not stop():
+            for run in free:
+                folder.lock(run).unlink(missing_ok=True)
+    if len(free) < len(job.runs):
+        raise Busy
+
+
+def _locked(folder: RecordFolder, run: Run, held: ExitStack) -> bool:
+    """Take a run's lock, if no other process has it."""
     try:
-        with FileLock(checkpoint.with_suffix(".lock"), blocking=False):
-            yield from _locked(job, folder, checkpoint, stop)
-    except Timeout as error:
-        raise Busy from error
+        held.enter_context(FileLock(folder.lock(run), blocking=False))
+    except Timeout:
+        return False
+    return True
 
 
-def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
-    if all(folder.find(run) for run in job.runs):
-        checkpoint.with_suffix(".lock").unlink(missing_ok=True)
-        return
+@dataclass(frozen=True)
+class _Resumed:
+    """A run, what its checkpoint's numbers must depend on, and its checkpoint if it has one."""
+
+    run: Run
+    key: str
+    start: checkpoint.Checkpoint | None
+
+
+def _train(
+    job: Job, runs: Sequence[Run], folder: RecordFolder, stop: Callable[[], bool]
+) -> Iterator[Advance | Recorded]:
     torch.set_num_threads(job.threads)
     keep_freed_memory()
     started = time.perf_counter()
@@ -105,27 +125,50 @@ def _locked(job: Job, folder: RecordFolder, checkpoint: Path, stop: Callable[[],
     rebuild = build_command(cell.suite, cell.protocol.name, cell.task.name, spelled(cell.task, cell.source))
     data = load_task(job.cache, load_suite(cell.suite), cell.task, cell.recipe, rebuild)
     needs = cell.method.needs(cell.config)
-    mixture = data.mixture(needs)
+    seen = view(cell.method, needs, data.mixture(needs), device)
     inputs = {"data": data.fingerprints, "packages": package_versions()}
-    seen = view(cell.method, needs, mixture, device)
-    trainer = Trainer(cell, job.seeds, seen, device, inputs, checkpoint, stop, job.evaluators)
+    groups: dict[tuple[int, int], list[_Resumed]] = {}
+    for run in runs:
+        key = content_hash([run.identity, device.type, inputs])
+        saved = checkpoint.load(folder.checkpoint(run), key)
+        place = (0, 0) if saved is None else saved.progress.place
+        groups.setdefault(place, []).append(_Resumed(run, key, saved))
+    together = [groups[place] for place in sorted(groups, reverse=True)]
     loaded = time.perf_counter() - started
-    yield from trainer.run()
-    if not trainer.finished:
-        return
-    trainer.progress.seconds["load"] = loaded
+    for index, group in enumerate(together):
+        checkpoints = [(folder.checkpoint(each.run), each.key) for each in group]
+        start = [each.start for each in group if each.start is not None]
+        seeds = [each.run.seed for each in group]
+        trainer = Trainer(
+            cell, seeds, seen, device, checkpoints, start if len(start) == len(group) else (), stop, job.evaluators
+        )
+        for advance in trainer.run():
+            yield replace(advance, done=index * advance.total + advance.done, total=len(together) * advance.total)
+        if not trainer.finished:
+            return
+        trainer.progress.seconds["load"] = loaded
+        yield from _write([each.run for each in group], trainer, folder, data, needs, seen, device)
+
+
+def _write(
+    runs: Sequence[Run],
+    trainer: Trainer,
+    folder: RecordFolder,
+    data: TaskData,
+    needs: DataNeeds,
+    seen: View,
+    device: torch.device,
+) -> Iterator[Recorded]:
+    """The records of trained runs, and their policies."""
     further = trainer.further()
-    for index, run in enumerate(job.runs):
-        if folder.find(run):
-            continue
+    for index, run in enumerate(runs):
         record = _record(run, trainer, index, further[index], data, needs, device)
-        if cell.starts == "evaluation":
+        if run.cell.starts == "evaluation":
             # The policy first: a record says that a run is done. Nobody looks at a trial's.
-            save_policy(folder.policy(record), record, trainer.method, index, len(job.seeds), seen)
+            save_policy(folder.policy(record), record, run.cell.method, trainer.state, index, seen)
         path = folder.write(run, record)
+        folder.checkpoint(run).unlink(missing_ok=True)
         yield Recorded(run.label, path, record.score(), record.status == "diverged", trainer.warnings)
-    checkpoint.unlink(missing_ok=True)
-    checkpoint.with_suffix(".lock").unlink(missing_ok=True)
 
 
 def _record(

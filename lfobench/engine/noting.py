@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import torch
 from torch import Tensor
 
 from lfobench.contract.record import Evaluation, Metrics
@@ -54,19 +53,14 @@ def note_metrics(progress: Progress, stage: str, sums: Mapping[str, Tensor], cou
         rows.append(Metrics(stage=stage, step=progress.step, values=values))
 
 
-def mark_diverged(progress: Progress, step: int, state: Mapping[str, Tensor]) -> None:
+def mark_diverged(progress: Progress, step: int, finite: Tensor) -> None:
     """A seed whose state or latest metrics are not finite is diverged; the others go on.
 
     Args:
         progress: where it is marked.
         step: of the main stage.
-        state: of the method; tensors ``[S, ...]``, and scalars, which are no seed's own.
+        finite: ``[S]``; whether the method's state is.
     """
-    seeds = len(progress.diverged_at)
-    own = [tensor for tensor in state.values() if tensor.dim() > 0]
-    finite = torch.ones(seeds, dtype=torch.bool, device=own[0].device if own else None)
-    for tensor in own:
-        finite &= torch.isfinite(tensor).reshape(seeds, -1).all(-1)
     for index, seed_is_finite in enumerate(finite.tolist()):
         rows = progress.metrics[index]
         metrics_are_finite = not rows or None not in rows[-1].values.values()

@@ -21,6 +21,7 @@ from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.memory import Footprint, peak_bytes
 from lfobench.engine.program import Program, recorder_for
+from lfobench.engine.state import live_tensors
 from lfobench.plan.cells import Cell
 
 CPU = torch.device("cpu")
@@ -138,7 +139,7 @@ class Prober:
             torch.set_num_threads(1)
             programs = _programs(cell, Shapes(observation, action), 1, CPU)
             self._seed_bytes[key] = max(
-                sum(tensor.nbytes for tensor in method.state().values()) + peak_bytes(update)
+                sum(tensor.nbytes for tensor in live_tensors(method).values()) + peak_bytes(update)
                 for _, update, method in programs
             )
         return Footprint(fixed=data, per_seed=self._seed_bytes[key])
@@ -174,7 +175,7 @@ def _programs(
 
 def _random_view(offline: tuple[Field, ...], expert: tuple[Field, ...], shapes: Shapes, device: torch.device) -> View:
     generator = torch.Generator().manual_seed(0)
-    widths = {"action": shapes.action, "terminated": 0}
+    widths = {"action": shapes.action, "terminated": 0, "label": 0}
 
     def column(field: Field) -> tuple[Tensor, Tensor]:
         width = widths.get(field, shapes.observation)

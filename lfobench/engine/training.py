@@ -1,39 +1,37 @@
 """The one training loop: every method, every seed, any protocol.
 
-A job is a cell and some of its seeds. It yields an event at every point where something can be shown, and ends by
-yielding one record per seed. It can be stopped between any two events, or killed at any instant, and continues
-from its last checkpoint.
+It trains seeds of a cell that stand at the same step, and yields an event wherever something can be shown. It can be
+stopped between any two events, or killed at any instant; every seed continues from its own last checkpoint.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor
 
 from lfobench.contract.method import Method, Stage
 from lfobench.contract.randomness import Randomness
-from lfobench.contract.record import Evaluation, Warning, content_hash
+from lfobench.contract.record import Evaluation, Warning
 from lfobench.data.firewall import View
 from lfobench.engine import checkpoint
-from lfobench.engine.checkpoint import Progress
+from lfobench.engine.checkpoint import Checkpoint, Progress, joined
 from lfobench.engine.evaluation import Evaluator, fixed_starts, further_starts
 from lfobench.engine.evaluation_workers import EvaluationWorkers
 from lfobench.engine.noting import mark_diverged, note_evaluation, note_further, note_metrics
 from lfobench.engine.precision import precision_warnings
 from lfobench.engine.program import Program, recorder_for
 from lfobench.engine.sampling import check_tables
+from lfobench.engine.state import CPU, MethodState, StateError
 from lfobench.errors import UserError
 from lfobench.plan.cells import Cell
 
 CHECKPOINT_SECONDS = 120.0
 EVENT_SECONDS = 0.5
-METRIC_PREFIX = "metric: "
 
 
 @dataclass(frozen=True)
@@ -54,8 +52,8 @@ class Trainer:
         seeds: the seed axis.
         view: the data, behind the firewall.
         device: where to train.
-        inputs: what else decides the numbers, as JSON data; a checkpoint made under other inputs is not continued.
-        checkpoint_path: where to continue from and save to.
+        checkpoints: per seed, the file to save to and the key that says what its numbers depend on.
+        start: per seed, where to continue, all at the same step; empty to begin.
         stop: asked between steps; when it says True the job saves and ends without records.
         evaluators: processes that evaluate beside training; 0 evaluates in this one, in turn with it.
 
@@ -69,17 +67,17 @@ class Trainer:
         seeds: Sequence[int],
         view: View,
         device: torch.device,
-        inputs: Mapping[str, Any],
-        checkpoint_path: Path,
+        checkpoints: Sequence[tuple[Path, str]],
+        start: Sequence[Checkpoint] = (),
         stop: Callable[[], bool] = lambda: False,
         evaluators: int = 0,
     ) -> None:
         self._cell, self._seeds, self._view, self._device = cell, list(seeds), view, device
-        self._path, self._stop = checkpoint_path, stop
+        self._checkpoints, self._stop = list(checkpoints), stop
         self.method: Method = cell.method(cell.config, view.shapes, self._seeds, device)
         self._randomness = Randomness(self._seeds, device)
         self._stages = self.method.stages(view.sizes)
-        self._job = content_hash([cell.identity, self._seeds, device.type, inputs])
+        self.state = MethodState.of(self.method, view.shapes, len(self._seeds))
         self._resumed_sums: dict[str, Tensor] = {}
         self._evaluator = Evaluator(cell.task, view.transform, len(self._seeds), fixed_starts(cell), cell.starts)
         self._beside = (
@@ -87,6 +85,8 @@ class Trainer:
         )
         self.warnings: list[Warning] = precision_warnings(cell.precision, device)
         self.progress = Progress.start(len(self._seeds))
+        if start:
+            self._resume(start)
         for stage in self._stages:
             if problem := check_tables(stage, view.offline, view.expert):
                 raise UserError(
@@ -104,7 +104,6 @@ class Trainer:
 
     def run(self) -> Iterator[Advance]:
         """Train to the end or to the stop; `progress` holds the result."""
-        self._resume()
         try:
             while self.progress.stage < len(self._stages):
                 stage = self._stages[self.progress.stage]
@@ -173,13 +172,13 @@ class Trainer:
         step = self.progress.step
         started = time.perf_counter()
         self._write_metrics(program)
-        mark_diverged(self.progress, step, self.method.state())
+        mark_diverged(self.progress, step, self.state.finite())
         # Reading the metrics waited for the device, which was training until then.
         self.progress.seconds["train"] += time.perf_counter() - started
         if self._beside is not None:
             # One at a time: a queue of snapshots would only hide that evaluation is the bottleneck.
             self._settle(wait=True)
-            self._beside.submit(step, self.method.state())
+            self._beside.submit(step, self.state.capture(CPU))
             return
         started = time.perf_counter()
         note_evaluation(self.progress, step, self._evaluator.evaluate(self.method, self._device))
@@ -238,10 +237,19 @@ class Trainer:
 
     def _save(self, program: Program) -> None:
         self._settle(wait=True)
-        sums = {METRIC_PREFIX + name: total for name, total in program.metric_sums().items()}
-        checkpoint.save(self._path, self._job, self.progress, {**self.method.state(), **sums})
+        sums = {name: total.cpu() for name, total in program.metric_sums().items()}
+        for index, (state, (path, key)) in enumerate(zip(self.state.capture(CPU), self._checkpoints, strict=True)):
+            of_seed = {name: total[index].clone() for name, total in sums.items()}
+            checkpoint.save(path, key, Checkpoint(self.progress.of_seed(index), state, of_seed))
 
-    def _resume(self) -> None:
-        if resumed := checkpoint.load(self._path, self._job, self.method.state()):
-            self.progress, sums = resumed
-            self._resumed_sums = {name.removeprefix(METRIC_PREFIX): total for name, total in sums.items()}
+    def _resume(self, start: Sequence[Checkpoint]) -> None:
+        """Continue from checkpoints of all seeds; a state that does not fit is as good as none."""
+        fresh = self.state.capture()
+        try:
+            self.state.restore([each.state for each in start])
+        except StateError:
+            self.state.restore(fresh)
+            return
+        self.progress = joined([each.progress for each in start])
+        names = start[0].sums
+        self._resumed_sums = {name: torch.stack([each.sums[name] for each in start]) for name in names}

@@ -181,7 +181,7 @@ def configure(
                 f"--set {method.name}.{name}={value}: the field takes no truth value.",
                 f"'lfobench show {method.name}' lists the fields with their types.",
             )
-    plain = {**method.presets[preset], **budget}  # type: ignore[index]
+    plain = {**method.presets[preset], **budget}
     try:
         config = method.Config.model_validate({**plain, **assigned})
     except ValidationError as error:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast
 
-from lfobench.contract.method import PresetName
 from lfobench.contract.suite import Suite, Task, TrajectoryRecipe
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.cells import Cell, Run, configure
@@ -95,7 +93,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
     cells = [
         Cell(
             method=method,
-            preset=cast(PresetName, request.preset),
+            preset=request.preset,
             config=configured.config,
             budget=configured.budget,
             assigned=configured.assigned,

@@ -161,19 +161,12 @@ def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], stop: StopRequ
 
 
 def remove_checkpoints_of_the_finished(agenda: Agenda, out: Path) -> None:
-    """Delete what jobs left that were killed between two records, or between the last one and their checkpoint's end.
-
-    Records are written in the order of the seeds, so what is left of a job trains as another one, and nobody else would
-    ever look at its checkpoint.
-    """
-    plan, folder = agenda.plan, RecordFolder(out)
-    for cell in plan.cells:
-        if not all(folder.path(Run(cell, seed)).exists() for seed in plan.seeds):
-            continue
-        remainders = {plan.seeds[first:] for first in range(len(plan.seeds))}
-        for seeds in remainders | {(seed,) for seed in plan.seeds}:
+    """Delete the checkpoints of runs that were killed between writing their record and deleting their checkpoint."""
+    folder = RecordFolder(out)
+    for run in agenda.plan.runs:
+        if folder.path(run).exists():
             with suppress(OSError):
-                folder.checkpoint(Job(cell, seeds, out, agenda.cache, plan.device).hash).unlink()
+                folder.checkpoint(run).unlink()
 
 
 def build_data(

@@ -49,9 +49,18 @@ class RecordFolder:
         name = f"{cell.method.name}-{cell.preset}-seed{run.seed}-{run.identity_hash[:12]}.json"
         return self.records / safe_name(cell.task.name) / safe_name(name)
 
-    def checkpoint(self, job_hash: str) -> Path:
-        """The checkpoint of a job."""
-        return self.root / "checkpoints" / f"{job_hash[:24]}.safetensors"
+    @property
+    def checkpoints(self) -> Path:
+        """Where unfinished runs save where they stand."""
+        return self.root / "checkpoints"
+
+    def checkpoint(self, run: Run) -> Path:
+        """The checkpoint of a run."""
+        return self.checkpoints / f"{self.path(run).stem}.safetensors"
+
+    def lock(self, run: Run) -> Path:
+        """Held by the process that trains a run."""
+        return self.checkpoints / f"{self.path(run).stem}.lock"
 
     def failure(self, run: Run) -> Path:
         """Where a crashed run is told of; its own suffix keeps it apart from records."""

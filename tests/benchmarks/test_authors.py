@@ -8,6 +8,7 @@ compared by what Adam keeps of the gradient instead.
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Callable, Sequence
 
 import pytest
@@ -26,6 +27,7 @@ from benchmarks.flops import flops
 from benchmarks.synthetic import SHAPES, synthetic
 from benchmarks.workloads import WORKLOADS
 from lfobench.contract.method import Batch, Shapes
+from lfobench.engine.state import live_tensors
 from methods.bc import Bc, BcConfig
 from methods.bco import INVERSE_DYNAMICS, Bco, BcoConfig
 from methods.dilo import Dilo, DiloConfig
@@ -107,24 +109,24 @@ def test_dilo_step() -> None:
     heads = (loop.value.first, loop.value.second)
     targets = (loop.target.first, loop.target.second)
     # A target that differs from the value, and values that reach both branches of the conjugate.
-    engine.state()["value"].mul_(2.0)
+    live_tensors(engine)["value"].mul_(2.0)
     for index in range(2):
-        load(heads[index], engine.state()["value"][index], sizes)
-        load(targets[index], engine.state()["value.target"][index], sizes)
-    load(loop.policy, engine.state()["policy"][0], policy_sizes)
+        load(heads[index], live_tensors(engine)["value"][index], sizes)
+        load(targets[index], live_tensors(engine)["target"][index], sizes)
+    load(loop.policy, live_tensors(engine)["policy.network"][0], policy_sizes)
     offline, expert = batches(loop)
     metrics = loop.update(offline, expert)
     theirs = engine.update("policy", as_engine(offline), as_engine(expert), NO_NOISE)
-    state = engine.state()
+    state = live_tensors(engine)
     for index in range(2):
-        assert_same(heads[index], state["value"][index], state["value.adam.exp_avg"][index], 3e-4)
+        assert_same(heads[index], state["value"][index], state["value_optimizer.exp_avg"][index], 3e-4)
         torch.testing.assert_close(
             flat(targets[index]),
-            state["value.target"][index][: len(flat(targets[index]))],
+            state["target"][index][: len(flat(targets[index]))],
             rtol=1e-5,
             atol=2e-6,
         )
-    assert_same(loop.policy, state["policy"][0], state["policy.adam.exp_avg"][0], 1e-4)
+    assert_same(loop.policy, state["policy.network"][0], state["policy.optimizer.exp_avg"][0], 1e-4)
     for name in ("forward_loss", "backward_loss", "policy_loss", "policy_weight"):
         assert metrics[name] == pytest.approx(float(theirs[name]), rel=1e-5)
 
@@ -133,25 +135,27 @@ def prepared(
     loop: AuthorsSmodice | AuthorsOril, engine: Smodice | Oril, networks: Sequence[tuple[nn.Module, str, int, int]]
 ) -> None:
     """Give the loop the engine's discriminator and networks: (module, state name, row, inputs)."""
-    load(loop.discriminator, engine.state()["discriminator"][0], (SHAPE.observation, *HIDDEN, 1))
+    load(loop.discriminator, live_tensors(engine)["discriminator.network"][0], (SHAPE.observation, *HIDDEN, 1))
     for module, name, row, inputs in networks:
-        outputs = {"value": 1, "critic": 1, "actor": SHAPE.action, "policy": 2 * SHAPE.action}[name.split(".")[0]]
-        load(module, engine.state()[name][row], (inputs, *HIDDEN, outputs))
+        outputs = {"value": 1, "critic": 1, "actor": SHAPE.action, "policy": 2 * SHAPE.action}[
+            re.split("[._]", name)[0]
+        ]
+        load(module, live_tensors(engine)[name][row], (inputs, *HIDDEN, outputs))
 
 
 def test_smodice_step() -> None:
     loop = AuthorsSmodice(HOST, SHAPE, ROWS, CPU, HIDDEN)
     engine = Smodice(SmodiceConfig(hidden=HIDDEN, batch_size=ROWS), SHAPE, [0], CPU)
     observation = SHAPE.observation
-    prepared(loop, engine, [(loop.value, "value", 0, observation), (loop.policy, "policy", 0, observation)])
+    prepared(loop, engine, [(loop.value, "value", 0, observation), (loop.policy, "policy.network", 0, observation)])
     offline, expert = batches(loop)
     noise = torch.randn(ROWS, SHAPE.action, generator=torch.Generator().manual_seed(0))
     loop.policy.noise = lambda like: noise
     loop.update(offline, expert)
     engine.update("policy", as_engine(offline), {}, GivenNoise(noise))
-    state = engine.state()
-    assert_same(loop.value, state["value"][0], state["value.adam.exp_avg"][0], 3e-4)
-    assert_same(loop.policy, state["policy"][0], state["policy.adam.exp_avg"][0], 3e-4)
+    state = live_tensors(engine)
+    assert_same(loop.value, state["value"][0], state["value_optimizer.exp_avg"][0], 3e-4)
+    assert_same(loop.policy, state["policy.network"][0], state["policy.optimizer.exp_avg"][0], 3e-4)
     temperature = float(loop.policy.log_temperature.detach())
     assert temperature == pytest.approx(float(state["policy.log_temperature"][0, 0]), rel=1e-5)
 
@@ -164,10 +168,10 @@ def test_oril_step(steps: int) -> None:
     observation, joint = SHAPE.observation, SHAPE.observation + SHAPE.action
     networks = [
         (loop.actor, "actor", 0, observation),
-        (loop.actor_target, "actor.target", 0, observation),
+        (loop.actor_target, "actor_target", 0, observation),
         *((getattr(loop.critic, head), "critic", row, joint) for row, head in enumerate(("first", "second"))),
         *(
-            (getattr(loop.critic_target, head), "critic.target", row, joint)
+            (getattr(loop.critic_target, head), "critic_target", row, joint)
             for row, head in enumerate(("first", "second"))
         ),
     ]
@@ -178,10 +182,10 @@ def test_oril_step(steps: int) -> None:
     for step in range(steps):
         loop.update(offline, expert)
         engine.update("policy", as_engine(offline), {}, GivenNoise(noise, step % 2))
-    state = engine.state()
+    state = live_tensors(engine)
     if steps == 1:
         for row, head in enumerate((loop.critic.first, loop.critic.second)):
-            assert_same(head, state["critic"][row], state["critic.adam.exp_avg"][row], 3e-4)
+            assert_same(head, state["critic"][row], state["critic_optimizer.exp_avg"][row], 3e-4)
         return
     # Critics that differ by rounding give the actor's gradient that much of a difference.
     torch.testing.assert_close(flat(loop.actor), state["actor"][0][: len(flat(loop.actor))], rtol=1e-4, atol=2e-5)
@@ -194,19 +198,20 @@ def test_oril_step(steps: int) -> None:
 def test_bc_step() -> None:
     loop = AuthorsBc(HOST, SHAPE, ROWS, CPU, HIDDEN)
     engine = Bc(BcConfig(hidden=HIDDEN, batch_size=ROWS), SHAPE, [0], CPU)
-    load(loop.policy, engine.state()["policy"][0], (SHAPE.observation, *HIDDEN, 2 * SHAPE.action))
+    load(loop.policy, live_tensors(engine)["policy.network"][0], (SHAPE.observation, *HIDDEN, 2 * SHAPE.action))
     offline, expert = batches(loop)
     noise = torch.randn(ROWS, SHAPE.action, generator=torch.Generator().manual_seed(0))
     loop.policy.noise = lambda like: noise
     loop.update(offline, expert)
     engine.update("policy", as_engine(offline), {}, GivenNoise(noise))
-    assert_same(loop.policy, engine.state()["policy"][0], engine.state()["policy.adam.exp_avg"][0], 3e-4)
+    state = live_tensors(engine)
+    assert_same(loop.policy, state["policy.network"][0], state["policy.optimizer.exp_avg"][0], 3e-4)
 
 
 def bco_stages() -> list[tuple[str, Callable[[Bco], Loop]]]:
     def policy(engine: Bco) -> Loop:
         model = AuthorsBcoInverseDynamics(HOST, SHAPE, ROWS, CPU, HIDDEN).model
-        load(model, engine.state()["inverse_dynamics"][0], (2 * SHAPE.observation, *HIDDEN, SHAPE.action))
+        load(model, live_tensors(engine)["inverse_dynamics"][0], (2 * SHAPE.observation, *HIDDEN, SHAPE.action))
         return AuthorsBcoPolicy(HOST, SHAPE, ROWS, CPU, HIDDEN, model)
 
     return [
@@ -221,7 +226,8 @@ def test_bco_step(stage: str, build: Callable[[Bco], Loop]) -> None:
     loop = build(engine)
     ((name, module),) = loop.modules().items()
     inputs, rate = (2 * SHAPE.observation, 3e-4) if name == "inverse_dynamics" else (SHAPE.observation, 1e-4)
-    load(module, engine.state()[name][0], (inputs, *HIDDEN, SHAPE.action))
+    start = live_tensors(engine)[name if name == "inverse_dynamics" else "policy.network"][0]
+    load(module, start, (inputs, *HIDDEN, SHAPE.action))
     offline, expert = loop.sample()
     loop.update(offline, expert)
     # The engine labels what it draws; the loop's rows were labelled before they were drawn.
@@ -231,4 +237,7 @@ def test_bco_step(stage: str, build: Callable[[Bco], Loop]) -> None:
         row = torch.cdist(expert["observation"], rows).argmin(1)
         seen = {**seen, "next_observation": torch.from_numpy(HOST.expert["next_observation"])[row][None]}
     engine.update(stage, as_engine(offline), seen, NO_NOISE)
-    assert_same(module, engine.state()[name][0], engine.state()[f"{name}.adam.exp_avg"][0], rate)
+    moment = {"inverse_dynamics": "inverse_dynamics_optimizer", "policy": "policy.optimizer"}[name]
+    network = {"inverse_dynamics": "inverse_dynamics", "policy": "policy.network"}[name]
+    state = live_tensors(engine)
+    assert_same(module, state[network][0], state[f"{moment}.exp_avg"][0], rate)

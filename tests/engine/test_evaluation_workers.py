@@ -27,6 +27,7 @@ from lfobench.engine.evaluation import Evaluator
 from lfobench.engine.evaluation_process import Assignment
 from lfobench.engine.evaluation_workers import EvaluationError, EvaluationWorkers
 from lfobench.engine.rollout import EpisodeResults
+from lfobench.engine.state import MethodState, SeedState, live_tensors
 from lfobench.plan.cells import Cell
 
 CPU = torch.device("cpu")
@@ -57,6 +58,10 @@ def in_this_process(method: Method) -> EpisodeResults:
     return found
 
 
+def snapshot(method: Method) -> list[SeedState]:
+    return MethodState.of(method, SHAPES, len(SEEDS)).capture()
+
+
 def same(one: EpisodeResults, other: EpisodeResults) -> bool:
     arrays = ("returns", "lengths", "finite")
     pairs = [(getattr(one, name), getattr(other, name)) for name in arrays]
@@ -74,7 +79,7 @@ def workers(request: pytest.FixtureRequest) -> Iterator[EvaluationWorkers]:
 
 def test_workers_are_this_process_and_the_plain_loop(workers: EvaluationWorkers) -> None:
     method = fresh()
-    workers.submit(40, method.state())
+    workers.submit(40, snapshot(method))
     evaluated = workers.collect()
     returns, lengths = plain_loop(method, TRANSFORM, len(SEEDS), EPISODES)
     assert evaluated.step == 40
@@ -89,12 +94,12 @@ def test_evaluations_come_in_order_and_from_the_state_as_it_was(workers: Evaluat
     method = fresh()
     expected = []
     for step, factor in ((10, 1.0), (20, 0.5), (30, -3.0)):
-        method.state()["policy"].mul_(factor)
+        live_tensors(method)["policy.network"].mul_(factor)
         expected.append(in_this_process(method))
-        workers.submit(step, method.state())
-        method.state()["policy"].add_(1.0)
-        method.state()["policy"].sub_(1.0)
-    method.state()["policy"].zero_()
+        workers.submit(step, snapshot(method))
+        live_tensors(method)["policy.network"].add_(1.0)
+        live_tensors(method)["policy.network"].sub_(1.0)
+    live_tensors(method)["policy.network"].zero_()
     assert workers.pending == 3
     assert workers.ready(timeout=60.0)
     found = [workers.collect() for _ in range(3)]
@@ -106,8 +111,8 @@ def test_evaluations_come_in_order_and_from_the_state_as_it_was(workers: Evaluat
 
 def test_a_seed_that_answers_nonsense_is_named(workers: EvaluationWorkers) -> None:
     method = fresh()
-    method.state()["policy"][1] = torch.nan
-    workers.submit(1, method.state())
+    live_tensors(method)["policy.network"][1] = torch.nan
+    workers.submit(1, snapshot(method))
     found = workers.collect().results
     assert found.finite.tolist() == [True, False, True]
     assert np.isfinite(found.returns).all()
@@ -115,24 +120,23 @@ def test_a_seed_that_answers_nonsense_is_named(workers: EvaluationWorkers) -> No
 
 
 def test_interrupts_are_the_parents_business(workers: EvaluationWorkers) -> None:
-    workers.submit(1, fresh().state())
+    workers.submit(1, snapshot(fresh()))
     for process in multiprocessing.active_children():
         assert process.pid is not None
         os.kill(process.pid, signal.SIGINT)
     assert same(workers.collect().results, in_this_process(fresh()))
 
 
-def test_a_seed_gets_its_own_rows() -> None:
-    part = Assignment(dilo(), TRANSFORM, SHAPES, SEEDS, 1, 3).part
-    assert part(np.arange(3)).tolist() == [1, 2]
-    assert part(np.arange(6)).tolist() == [2, 3, 4, 5]
-    assert part(np.array(5.0)).tolist() == 5.0
+def test_a_seed_gets_its_own_share() -> None:
+    states = [SeedState({"weight": torch.full((2,), float(seed))}, {"updates": seed}) for seed in SEEDS]
+    share = Assignment(dilo(), TRANSFORM, SHAPES, SEEDS, 1, 3).part(states)
+    assert [(arrays["weight"].tolist(), values) for arrays, values in share] == [
+        ([float(seed)] * 2, {"updates": seed}) for seed in SEEDS[1:3]
+    ]
 
 
-def test_a_state_that_seeds_cannot_share_is_refused_before_anything_starts() -> None:
+def test_nothing_is_collected_before_it_is_submitted_and_workers_are_needed() -> None:
     pool = EvaluationWorkers(dilo(), TRANSFORM, SHAPES, SEEDS, 2)
-    with pytest.raises(ValueError, match="'odd' has 4 rows"):
-        pool.submit(1, {"odd": torch.zeros(4, 2)})
     with pytest.raises(ValueError, match="no evaluation is pending"):
         pool.collect()
     with pytest.raises(ValueError, match="0 workers"):
@@ -148,11 +152,11 @@ class Fragile(Drifting):
         raise RuntimeError("a bug in somebody's policy")
 
 
-def drifting(seeds: int) -> dict[str, Tensor]:
-    return Drifting(FakeConfig(), POLE_SHAPES, range(seeds), CPU).state()
+def drifting(seeds: int) -> list[SeedState]:
+    return MethodState.of(Drifting(FakeConfig(), POLE_SHAPES, range(seeds), CPU), POLE_SHAPES, seeds).capture()
 
 
-def started(pool: EvaluationWorkers, state: dict[str, Tensor]) -> list[int]:
+def started(pool: EvaluationWorkers, state: list[SeedState]) -> list[int]:
     """Submit `state` to a fresh pool; the ids of the processes that it started."""
     before = {process.pid for process in multiprocessing.active_children()}
     pool.submit(7, state)

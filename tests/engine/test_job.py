@@ -239,7 +239,7 @@ def test_a_checkpoint_made_under_other_inputs_is_not_continued(
     with monkeypatch.context() as patch:
         patch.setattr(engine_job, "package_versions", lambda: {"torch": "0.0"})
         finish(job, StopAfter(30))
-    checkpoint = RecordFolder(tmp_path).checkpoint(job.hash)
+    checkpoint = RecordFolder(tmp_path).checkpoint(job.runs[0])
     assert checkpoint.exists()
     steps = [event.done for event in finish(job) if isinstance(event, Advance)]
     assert steps[0] < 30, "it starts afresh"
@@ -339,7 +339,7 @@ def test_a_useless_checkpoint_starts_afresh(
     finish(straight)
     finish(broken, StopAfter(20))
     finish(neighbour, StopAfter(20))
-    paths = [RecordFolder(job.out).checkpoint(job.hash) for job in (broken, neighbour)]
+    paths = [RecordFolder(job.out).checkpoint(job.runs[0]) for job in (broken, neighbour)]
     assert all(path.exists() for path in paths)
     corrupt(paths[0], paths[1])
     finish(broken)
@@ -352,7 +352,7 @@ def test_altered_weights_in_a_checkpoint_do_not_reach_a_record(tmp_path: Path, s
     broken = make_job(cell_of(Drifting), [0, 4], tmp_path / "broken", shared_cache)
     finish(straight)
     finish(broken, StopAfter(20))
-    path = RecordFolder(broken.out).checkpoint(broken.hash)
+    path = RecordFolder(broken.out).checkpoint(broken.runs[0])
     content = bytearray(path.read_bytes())
     content[-1] ^= 0x40  # an exponent
     path.write_bytes(content)

@@ -22,7 +22,7 @@ from helpers_engine import (
 )
 from torch import Tensor
 
-from lfobench.contract.method import Batch, Metrics, Shapes, State
+from lfobench.contract.method import Batch, Metrics, Shapes
 from lfobench.contract.randomness import StepRandomness
 from lfobench.contract.statistic import Statistic
 from lfobench.engine import training
@@ -76,8 +76,8 @@ def test_a_stop_while_workers_evaluate_loses_nothing(
         monkeypatch.setattr(training, "CHECKPOINT_SECONDS", -1.0)
     for questions in stops:
         finish(beside, StopAfter(questions))
-        assert RecordFolder(beside.out).checkpoint(beside.hash).exists()
-        assert not any(RecordFolder(beside.out).find(run) for run in beside.runs)
+        folder = RecordFolder(beside.out)
+        assert all(folder.checkpoint(run).exists() and not folder.find(run) for run in beside.runs)
     finish(beside)
     assert measured(beside) == measured(in_turn)
 
@@ -135,9 +135,6 @@ class Rooted(Drifting):
 
     def act(self, observation: Tensor) -> Tensor:
         return super().act(observation) * torch.sqrt(self.square)
-
-    def state(self) -> State:
-        return {**super().state(), "square": self.square}
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from lfobench.contract.randomness import Randomness
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.program import Program
+from lfobench.engine.state import live_tensors
 
 CPU = torch.device("cpu")
 NO_BATCH: Batch = {}
@@ -73,15 +74,21 @@ def rows_of(batch: Batch, seed: int) -> dict[str, Array]:
     return {field: column[seed].double().numpy() for field, column in batch.items()}
 
 
+def flat_of(method: Method, name: str) -> Tensor:
+    """The live parameters ``[S*H, P]`` of a network: an attribute of the method, or of what that attribute holds."""
+    live = live_tensors(method)
+    return live[name if name in live else f"{name}.network"]
+
+
 def parameters_of(method: Method, name: str, sizes: Sequence[int], row: int) -> Parameters:
     """A network's layers; `row` counts seeds, and heads inside a seed."""
-    return unflatten(method.state()[name][row].detach().double().numpy(), sizes)
+    return unflatten(flat_of(method, name)[row].detach().double().numpy(), sizes)
 
 
 def first_gradient(method: Method, prefix: str, sizes: Sequence[int], row: int) -> Parameters:
     """The gradient of an optimiser's first step: Adam's first moment is then a tenth of it."""
-    assert float(method.state()[f"{prefix}.step"]) == 1.0
-    return unflatten(method.state()[f"{prefix}.exp_avg"][row].detach().double().numpy() * 10.0, sizes)
+    assert float(live_tensors(method)[f"{prefix}.step"]) == 1.0
+    return unflatten(live_tensors(method)[f"{prefix}.exp_avg"][row].detach().double().numpy() * 10.0, sizes)
 
 
 def randomize(method: Method, name: str, sizes: Sequence[int], gain: float) -> None:
@@ -90,7 +97,7 @@ def randomize(method: Method, name: str, sizes: Sequence[int], gain: float) -> N
     A gain of 1 keeps the size of ReLU activations from layer to layer; a larger one reaches the branches of a loss.
     """
     generator = np.random.default_rng(zlib.crc32(name.encode()))
-    flat, offset = method.state()[name], 0
+    flat, offset = flat_of(method, name), 0
     for fan_in, fan_out in pairwise(sizes):
         for count, scale in ((fan_in * fan_out, gain * (2.0 / fan_in) ** 0.5), (fan_out, 0.1)):
             flat[:, offset : offset + count] = scale * normal(generator, len(flat), count)
@@ -99,7 +106,7 @@ def randomize(method: Method, name: str, sizes: Sequence[int], gain: float) -> N
 
 def set_output(method: Method, name: str, sizes: Sequence[int], value: float) -> None:
     """Make a network constant: every parameter 0 but the output bias."""
-    flat = method.state()[name]
+    flat = flat_of(method, name)
     flat.zero_()
     used = sum(fan_in * fan_out + fan_out for fan_in, fan_out in pairwise(sizes))
     flat[:, used - sizes[-1] : used] = value
@@ -121,7 +128,7 @@ def seed_slices(method: Method, seeds: int, index: int) -> dict[str, Tensor]:
     """One seed's part of every state tensor; scalars (step counters) are shared."""
     return {
         name: (tensor if tensor.dim() == 0 else tensor.reshape(seeds, -1)[index]).detach().clone()
-        for name, tensor in method.state().items()
+        for name, tensor in live_tensors(method).items()
     }
 
 

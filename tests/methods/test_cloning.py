@@ -21,6 +21,7 @@ from method_helpers import (
 )
 
 from lfobench.contract.method import Batch, Shapes, Sizes
+from lfobench.engine.state import live_tensors
 from methods.bc import Bc
 from methods.bc_expert import BcExpert
 from methods.bco import Bco
@@ -70,8 +71,8 @@ def test_likelihood_gradients(method: type[Bc], loss: str) -> None:
             return ref.tanh_gaussian_loss(trial, rows, np.ones(ROWS), 0.0, noise)
 
         expected = ref.numerical_gradient(total, policy)
-        assert_gradients_agree(first_gradient(bc, "policy.adam", GAUSSIAN, seed), expected, tolerance=1e-4)
-        temperature = bc.state()["policy.log_temperature.adam.exp_avg"][seed, 0].item() * 10.0
+        assert_gradients_agree(first_gradient(bc, "policy.optimizer", GAUSSIAN, seed), expected, tolerance=1e-4)
+        temperature = live_tensors(bc)["policy.temperature_optimizer.exp_avg"][seed, 0].item() * 10.0
         wanted = 0.0
         if noise is not None:
             wanted = -(ref.negative_entropy(policy, rows["observation"], noise) - SHAPES.action)
@@ -86,7 +87,7 @@ def test_squared_error_gradient(method: type[Bc]) -> None:
     clone(bc, batch, GivenRandomness())
     for seed, policy in enumerate(policies):
         expected = ref.regression_gradient(policy, rows_of(batch, seed), np.ones(ROWS))
-        assert_gradients_agree(first_gradient(bc, "policy.adam", DETERMINISTIC, seed), expected)
+        assert_gradients_agree(first_gradient(bc, "policy.optimizer", DETERMINISTIC, seed), expected)
 
 
 def test_temperature_falls_while_the_entropy_is_above_its_target() -> None:
@@ -96,7 +97,7 @@ def test_temperature_falls_while_the_entropy_is_above_its_target() -> None:
     metrics = train(bc, bc.stages(view.sizes)[0], view, (0, 1), 200)
     entropy = torch.stack([step["entropy"] for step in metrics[-50:]]).mean(0)
     assert (entropy > 0.0).all()
-    assert (bc.state()["policy.log_temperature"][:, 0] < -1.0).all()
+    assert (live_tensors(bc)["policy.log_temperature"][:, 0] < -1.0).all()
 
 
 def test_inverse_dynamics_gradient() -> None:
@@ -104,7 +105,7 @@ def test_inverse_dynamics_gradient() -> None:
     generator = np.random.default_rng(3)
     offline = make_batch(Bco.needs(bco.config).offline, SHAPES, len(SEEDS), ROWS, generator)
     networks = [parameters_of(bco, "inverse_dynamics", INVERSE, seed) for seed in range(len(SEEDS))]
-    policy = bco.state()["policy"].clone()
+    policy = live_tensors(bco)["policy.network"].clone()
     bco.update("inverse dynamics", offline, NO_BATCH, GivenRandomness())
     for seed, network in enumerate(networks):
         rows = rows_of(offline, seed)
@@ -113,8 +114,8 @@ def test_inverse_dynamics_gradient() -> None:
             "action": rows["action"],
         }
         expected = ref.regression_gradient(network, pairs, np.ones(ROWS))
-        assert_gradients_agree(first_gradient(bco, "inverse_dynamics.adam", INVERSE, seed), expected)
-    assert torch.equal(bco.state()["policy"], policy)
+        assert_gradients_agree(first_gradient(bco, "inverse_dynamics_optimizer", INVERSE, seed), expected)
+    assert torch.equal(live_tensors(bco)["policy.network"], policy)
 
 
 def test_bco_policy_gradient_clones_the_inferred_actions() -> None:
@@ -122,7 +123,7 @@ def test_bco_policy_gradient_clones_the_inferred_actions() -> None:
     generator = np.random.default_rng(4)
     expert = make_batch(Bco.needs(bco.config).expert, SHAPES, len(SEEDS), ROWS, generator)
     randomize(bco, "inverse_dynamics", INVERSE, 1.0)
-    frozen = bco.state()["inverse_dynamics"].clone()
+    frozen = live_tensors(bco)["inverse_dynamics"].clone()
     policies = [parameters_of(bco, "policy", DETERMINISTIC, seed) for seed in range(len(SEEDS))]
     bco.update("policy", NO_BATCH, expert, GivenRandomness())
     for seed, policy in enumerate(policies):
@@ -131,8 +132,8 @@ def test_bco_policy_gradient_clones_the_inferred_actions() -> None:
         inputs = np.concatenate([rows["observation"], rows["next_observation"]], 1)
         labelled = {"observation": rows["observation"], "action": np.tanh(ref.evaluate(network, inputs))}
         expected = ref.regression_gradient(policy, labelled, np.ones(ROWS))
-        assert_gradients_agree(first_gradient(bco, "policy.adam", DETERMINISTIC, seed), expected)
-    assert torch.equal(bco.state()["inverse_dynamics"], frozen)
+        assert_gradients_agree(first_gradient(bco, "policy.optimizer", DETERMINISTIC, seed), expected)
+    assert torch.equal(live_tensors(bco)["inverse_dynamics"], frozen)
 
 
 def test_inverse_dynamics_stage_draws_as_many_rows_as_its_epochs_hold() -> None:

@@ -23,6 +23,7 @@ from method_helpers import (
 from torch import Tensor
 
 from lfobench.contract.method import Batch, Shapes
+from lfobench.engine.state import live_tensors
 from methods.dilo import Dilo, DiloConfig, conjugate
 
 SHAPES = Shapes(observation=5, action=3)
@@ -55,7 +56,7 @@ def heads_of(dilo: Dilo, name: str, seed: int) -> list[ref.Parameters]:
 
 
 def log_std_of(dilo: Dilo, seed: int) -> ref.Array:
-    state = dilo.state()
+    state = live_tensors(dilo)
     if "policy.log_std" not in state:
         return np.zeros(SHAPES.action)
     return state["policy.log_std"][seed, : SHAPES.action].double().numpy()
@@ -105,7 +106,7 @@ def test_listed_cotangents_are_the_derivatives_of_the_losses(preset: str) -> Non
     offline, expert = batches(np.random.default_rng(1))
     rows_o, rows_e = rows_of(offline, 0), rows_of(expert, 0)
     constants = ref.constants_of(dilo.config)
-    heads, targets = heads_of(dilo, "value", 0), heads_of(dilo, "value.target", 0)
+    heads, targets = heads_of(dilo, "value", 0), heads_of(dilo, "target", 0)
     listed = ref.dilo_gradients(heads, targets, rows_o, rows_e, constants)
     for term, gradient in enumerate((listed.linear, listed.forward, listed.backward)):
 
@@ -127,7 +128,7 @@ def test_gradients_of_the_three_value_losses(preset: str, ended: float, monkeypa
     expected = [
         ref.dilo_gradients(
             heads_of(dilo, "value", seed),
-            heads_of(dilo, "value.target", seed),
+            heads_of(dilo, "target", seed),
             rows_of(offline, seed),
             rows_of(expert, seed),
             ref.constants_of(dilo.config),
@@ -149,7 +150,7 @@ def test_gradients_of_the_three_value_losses(preset: str, ended: float, monkeypa
             row = 2 * seed + head
             for term, wanted in zip(terms[0], (gradients.linear, gradients.forward, gradients.backward), strict=True):
                 assert_gradients_agree(ref.unflatten(term[row].double().numpy(), VALUE), wanted[head])
-            assert_gradients_agree(first_gradient(dilo, "value.adam", VALUE, row), combination[head])
+            assert_gradients_agree(first_gradient(dilo, "value_optimizer", VALUE, row), combination[head])
 
 
 def test_losses_are_those_of_the_definition() -> None:
@@ -158,7 +159,7 @@ def test_losses_are_those_of_the_definition() -> None:
     expected = [
         ref.dilo_losses(
             heads_of(dilo, "value", seed),
-            heads_of(dilo, "value.target", seed),
+            heads_of(dilo, "target", seed),
             rows_of(offline, seed),
             rows_of(expert, seed),
             ref.constants_of(dilo.config),
@@ -187,9 +188,11 @@ def test_policy_gradient_uses_the_value_after_its_step(preset: str) -> None:
             expected = ref.regression_gradient(policy, rows, weight)
         else:
             expected, log_std = ref.likelihood_gradient(policy, np.zeros(SHAPES.action), rows, weight)
-            measured = dilo.state()["policy.log_std.adam.exp_avg"][seed, : SHAPES.action].double().numpy() * 10.0
+            measured = (
+                live_tensors(dilo)["policy.log_std_optimizer.exp_avg"][seed, : SHAPES.action].double().numpy() * 10.0
+            )
             np.testing.assert_allclose(measured, log_std, rtol=1e-3)
-        assert_gradients_agree(first_gradient(dilo, "policy.adam", POLICY, seed), expected, tolerance=2e-4)
+        assert_gradients_agree(first_gradient(dilo, "policy.optimizer", POLICY, seed), expected, tolerance=2e-4)
 
 
 # --- the orthogonal combination ---------------------------------------------------------------------------------
@@ -223,7 +226,7 @@ def test_without_backward_weight_the_gradient_is_linear_plus_forward() -> None:
     offline, expert = batches(np.random.default_rng(7))
     gradients = ref.dilo_gradients(
         heads_of(dilo, "value", 0),
-        heads_of(dilo, "value.target", 0),
+        heads_of(dilo, "target", 0),
         rows_of(offline, 0),
         rows_of(expert, 0),
         ref.constants_of(dilo.config),
@@ -231,7 +234,7 @@ def test_without_backward_weight_the_gradient_is_linear_plus_forward() -> None:
     dilo.update("policy", offline, expert, RANDOM)
     for head in (0, 1):
         pairs = zip(gradients.linear[head], gradients.forward[head], strict=True)
-        assert_gradients_agree(first_gradient(dilo, "value.adam", VALUE, head), [zero + f for zero, f in pairs])
+        assert_gradients_agree(first_gradient(dilo, "value_optimizer", VALUE, head), [zero + f for zero, f in pairs])
 
 
 def test_without_mixture_and_linear_term_the_expert_batch_has_no_effect() -> None:
@@ -244,7 +247,7 @@ def test_without_mixture_and_linear_term_the_expert_batch_has_no_effect() -> Non
     for demonstration in (expert, other_expert):
         dilo = Dilo(config, SHAPES, SEEDS, CPU)
         dilo.update("policy", offline, demonstration, RANDOM)
-        states.append({name: tensor.clone() for name, tensor in dilo.state().items()})
+        states.append({name: tensor.clone() for name, tensor in live_tensors(dilo).items()})
     assert all(torch.equal(states[0][name], states[1][name]) for name in states[0])
 
 
@@ -258,7 +261,7 @@ def test_as_the_mixture_vanishes_so_does_the_effect_of_the_expert_batch() -> Non
         for demonstration in (expert, other_expert):
             dilo = make("released", conservatism=1.0, mixture=mixture)
             dilo.update("policy", offline, demonstration, RANDOM)
-            gradients.append(dilo.state()["value.adam.exp_avg"].clone())
+            gradients.append(live_tensors(dilo)["value_optimizer.exp_avg"].clone())
         return float((gradients[0] - gradients[1]).norm() / gradients[0].norm())
 
     assert effect(0.5) > 0.1
@@ -272,22 +275,22 @@ def test_target_moves_by_its_rate_towards_the_updated_twins_and_gets_no_gradient
     dilo = make("released", value_learning_rate=1e-2)
     generator = np.random.default_rng(10)
     for _ in range(3):
-        before = dilo.state()["value.target"].double().clone()
+        before = live_tensors(dilo)["target"].double().clone()
         dilo.update("policy", *batches(generator), RANDOM)
-        expected = before + 0.005 * (dilo.state()["value"].double() - before)
-        torch.testing.assert_close(dilo.state()["value.target"].double(), expected, rtol=1e-6, atol=1e-7)
+        expected = before + 0.005 * (live_tensors(dilo)["value"].double() - before)
+        torch.testing.assert_close(live_tensors(dilo)["target"].double(), expected, rtol=1e-6, atol=1e-7)
 
 
 def test_target_starts_as_a_copy_with_storage_of_its_own() -> None:
     dilo = build(Dilo, SHAPES, SEEDS, hidden=HIDDEN)
-    assert torch.equal(dilo.state()["value"], dilo.state()["value.target"])
-    assert dilo.state()["value"].data_ptr() != dilo.state()["value.target"].data_ptr()
+    assert torch.equal(live_tensors(dilo)["value"], live_tensors(dilo)["target"])
+    assert live_tensors(dilo)["value"].data_ptr() != live_tensors(dilo)["target"].data_ptr()
 
 
 def test_twins_and_seeds_start_differently_and_a_seed_does_not_depend_on_its_place() -> None:
-    flat = build(Dilo, SHAPES, SEEDS, hidden=HIDDEN).state()["value"]
+    flat = live_tensors(build(Dilo, SHAPES, SEEDS, hidden=HIDDEN))["value"]
     assert len(torch.unique(flat, dim=0)) == len(flat)
-    assert torch.equal(build(Dilo, SHAPES, (9, 4), hidden=HIDDEN).state()["value"], flat[[2, 3, 0, 1]])
+    assert torch.equal(live_tensors(build(Dilo, SHAPES, (9, 4), hidden=HIDDEN))["value"], flat[[2, 3, 0, 1]])
 
 
 @pytest.mark.parametrize(("tau", "value"), [(0.06, 76.75), (3.0, 1.535)])
@@ -341,7 +344,7 @@ def test_thirty_updates_agree_with_the_reference(preset: str, overrides: dict[st
     """
     dilo = make(preset, **overrides)
     references = [reference_of(dilo, seed) for seed in range(len(SEEDS))]
-    start = {name: tensor.double().clone() for name, tensor in dilo.state().items() if tensor.dim()}
+    start = {name: tensor.double().clone() for name, tensor in live_tensors(dilo).items() if tensor.dim()}
     generator = np.random.default_rng(13)
     for _ in range(30):
         offline, expert = batches(generator, ended)
@@ -358,7 +361,7 @@ def test_thirty_updates_agree_with_the_reference(preset: str, overrides: dict[st
     for seed, reference in enumerate(references):
         compared = [
             ("value", VALUE, 2 * seed + head, parameters) for head, parameters in enumerate(reference.heads)
-        ] + [("value.target", VALUE, 2 * seed + head, parameters) for head, parameters in enumerate(reference.targets)]
+        ] + [("target", VALUE, 2 * seed + head, parameters) for head, parameters in enumerate(reference.targets)]
         compared.append(("policy", POLICY, seed, reference.policy))
         for name, sizes, row, expected in compared:
             measured = ref.flatten(parameters_of(dilo, name, sizes, row))

@@ -13,6 +13,7 @@ from method_helpers import (
     assert_gradients_agree,
     build,
     first_gradient,
+    flat_of,
     make_batch,
     normal,
     parameters_of,
@@ -26,6 +27,7 @@ from method_helpers import (
 from lfobench.contract.method import Method, Shapes, Sizes
 from lfobench.contract.randomness import Randomness
 from lfobench.engine.sampling import StageSampler
+from lfobench.engine.state import live_tensors
 from methods.oril import Oril
 from methods.smodice import Smodice
 
@@ -63,7 +65,7 @@ def test_gradient_of_classification_and_penalty(method: type[Method], penalty: f
             return ref.discriminator_loss(trial, states, others, mixing, penalty)
 
         expected = ref.numerical_gradient(loss, parameters)
-        assert_gradients_agree(first_gradient(built, f"{STAGE}.adam", SIZES, seed), expected)
+        assert_gradients_agree(first_gradient(built, f"{STAGE}.optimizer", SIZES, seed), expected)
         measured = metrics["discriminator_loss"][seed].item() + penalty * metrics["gradient_penalty"][seed].item()
         assert measured == pytest.approx(loss(parameters), rel=1e-5)
 
@@ -71,11 +73,11 @@ def test_gradient_of_classification_and_penalty(method: type[Method], penalty: f
 @both_methods
 def test_released_optimiser_never_touches_the_first_layer_and_the_papers_does(method: type[Method]) -> None:
     for preset, frozen in (("released", True), ("paper", False)):
-        built = build(method, SHAPES, SEEDS, **{**method.presets[preset], "hidden": HIDDEN, "discriminator_batch": 16})  # type: ignore[index]
+        built = build(method, SHAPES, SEEDS, **{**method.presets[preset], "hidden": HIDDEN, "discriminator_batch": 16})
         view = random_view(method.needs(built.config), SHAPES, 100, 40)
-        before = built.state()[STAGE].clone()
+        before = flat_of(built, STAGE).clone()
         train(built, built.stages(view.sizes)[0], view, SEEDS, 30)
-        changed = built.state()[STAGE] != before
+        changed = flat_of(built, STAGE) != before
         used = sum(i * o + o for i, o in pairwise(SIZES))
         assert changed[:, :FIRST_LAYER].any() == (not frozen)
         assert changed[:, FIRST_LAYER:used].float().mean() > 0.99
@@ -91,7 +93,7 @@ def test_frozen_first_layer_leaves_the_gradient_of_the_rest_unchanged(method: ty
     for frozen in (True, False):
         built = build(method, SHAPES, SEEDS, hidden=HIDDEN, freeze_first_layer=frozen)
         built.update(STAGE, other, batch, GivenRandomness(uniform=fraction))
-        moments.append(built.state()[f"{STAGE}.adam.exp_avg"].clone())
+        moments.append(live_tensors(built)[f"{STAGE}.optimizer.exp_avg"].clone())
     assert (moments[0][:, :FIRST_LAYER] == 0.0).all()
     assert (moments[1][:, :FIRST_LAYER] != 0.0).any()
     torch.testing.assert_close(moments[0][:, FIRST_LAYER:], moments[1][:, FIRST_LAYER:], rtol=1e-6, atol=1e-8)
@@ -119,9 +121,9 @@ def test_a_thousand_expert_rows_make_4000_released_steps_with_a_short_last_batch
 def test_discriminator_stays_as_it_is_in_the_main_stage(method: type[Method]) -> None:
     built = build(method, SHAPES, SEEDS, hidden=HIDDEN, batch_size=16)
     view = random_view(method.needs(built.config), SHAPES, 100, 40)
-    before = {name: tensor.clone() for name, tensor in built.state().items() if name.startswith(STAGE)}
+    before = {name: tensor.clone() for name, tensor in live_tensors(built).items() if name.startswith(STAGE)}
     train(built, built.stages(view.sizes)[-1], view, SEEDS, 4)
-    assert all(torch.equal(built.state()[name], tensor) for name, tensor in before.items())
+    assert all(torch.equal(live_tensors(built)[name], tensor) for name, tensor in before.items())
 
 
 def test_discriminator_learns_to_tell_apart_and_gives_expert_states_the_larger_reward() -> None:

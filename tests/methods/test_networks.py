@@ -11,7 +11,7 @@ from method_helpers import (
     normal,
 )
 
-from methods.networks import Adam, Network
+from lfobench.nn.networks import Adam, Network
 
 SIZES = (6, 16, 12, 1)
 SEEDS = (0, 1, 7)
@@ -107,4 +107,4 @@ def test_adam_agrees_with_the_reference(decay: float, cosine: int | None) -> Non
         reference.step(expected, [gradient.double().numpy() + decay * expected[0]], rate)
         adam.step(gradient)
     np.testing.assert_allclose(flat.numpy(), expected[0], atol=2e-6)
-    assert float(adam.state("x")["x.step"]) == 25.0
+    assert float(adam.live_tensors()["step"]) == 25.0

@@ -20,6 +20,7 @@ from method_helpers import (
 )
 
 from lfobench.contract.method import Batch, Shapes
+from lfobench.engine.state import live_tensors
 from methods.oril import Oril
 
 SHAPES = Shapes(observation=5, action=3)
@@ -36,7 +37,7 @@ NOISE = 2.0 * normal(np.random.default_rng(99), len(SEEDS), ROWS, SHAPES.action)
 def make(**overrides: Any) -> Oril:
     """Targets that have nothing in common with the online networks, so that a mix-up shows."""
     oril: Oril = build(Oril, SHAPES, SEEDS, **{"hidden": HIDDEN, **overrides})
-    for name, sizes in (("critic", CRITIC), ("critic.target", CRITIC), ("actor", ACTOR), ("actor.target", ACTOR)):
+    for name, sizes in (("critic", CRITIC), ("critic_target", CRITIC), ("actor", ACTOR), ("actor_target", ACTOR)):
         randomize(oril, name, sizes, 1.0)
     return oril
 
@@ -56,9 +57,9 @@ def critics_of(oril: Oril, name: str, seed: int) -> list[ref.Parameters]:
 
 @pytest.mark.parametrize("name", ["actor", "critic"])
 def test_targets_start_as_copies_with_storage_of_their_own(name: str) -> None:
-    state = build(Oril, SHAPES, SEEDS, hidden=HIDDEN).state()
-    assert torch.equal(state[name], state[f"{name}.target"])
-    assert state[name].data_ptr() != state[f"{name}.target"].data_ptr()
+    state = live_tensors(build(Oril, SHAPES, SEEDS, hidden=HIDDEN))
+    assert torch.equal(state[name], state[f"{name}_target"])
+    assert state[name].data_ptr() != state[f"{name}_target"].data_ptr()
 
 
 @pytest.mark.parametrize("ended", [0.0, 0.3, 1.0])
@@ -69,13 +70,13 @@ def test_critic_gradient(ended: float) -> None:
         rows = rows_of(offline, seed)
         discriminator = parameters_of(oril, "discriminator", DISCRIMINATOR, seed)
         reward = ref.evaluate(discriminator, rows["observation"], np.tanh)[:, 0]
-        actor = parameters_of(oril, "actor.target", ACTOR, seed)
+        actor = parameters_of(oril, "actor_target", ACTOR, seed)
         noise = NOISE[seed].double().numpy()
-        target = ref.oril_target(actor, critics_of(oril, "critic.target", seed), reward, rows, noise)
+        target = ref.oril_target(actor, critics_of(oril, "critic_target", seed), reward, rows, noise)
         expected += ref.oril_critic_gradients(critics_of(oril, "critic", seed), rows, target)
     update(oril, offline, step=0)
     for row, gradient in enumerate(expected):
-        assert_gradients_agree(first_gradient(oril, "critic.adam", CRITIC, row), gradient)
+        assert_gradients_agree(first_gradient(oril, "critic_optimizer", CRITIC, row), gradient)
 
 
 def test_actor_gradient_uses_the_first_critic_after_its_step() -> None:
@@ -93,27 +94,29 @@ def test_actor_gradient_uses_the_first_critic_after_its_step() -> None:
             return ref.oril_actor_loss(trial, critic, rows, scale)
 
         expected = ref.numerical_gradient(loss, actor)
-        assert_gradients_agree(first_gradient(oril, "actor.adam", ACTOR, seed), expected)
+        assert_gradients_agree(first_gradient(oril, "actor_optimizer", ACTOR, seed), expected)
 
 
 def test_actor_and_targets_move_every_second_step_only() -> None:
     oril = make()
-    slow = ("actor", "actor.target", "critic.target")
+    slow = ("actor", "actor_target", "critic_target")
     for step in range(6):
-        before = {name: tensor.clone() for name, tensor in oril.state().items()}
+        before = {name: tensor.clone() for name, tensor in live_tensors(oril).items()}
         update(oril, offline_batch(step), step)
-        assert not torch.equal(oril.state()["critic"], before["critic"])
+        assert not torch.equal(live_tensors(oril)["critic"], before["critic"])
         for name in slow:
-            assert torch.equal(oril.state()[name], before[name]) == (step % 2 == 0), (name, step)
+            assert torch.equal(live_tensors(oril)[name], before[name]) == (step % 2 == 0), (name, step)
 
 
 def test_targets_follow_the_updated_networks_at_their_rate() -> None:
     oril = make(learning_rate=1e-2)
-    before = {name: oril.state()[name].double().clone() for name in ("actor.target", "critic.target")}
+    before = {name: live_tensors(oril)[name].double().clone() for name in ("actor_target", "critic_target")}
     update(oril, offline_batch(3), step=1)
     for name, old in before.items():
-        online = oril.state()[name.removesuffix(".target")].double()
-        torch.testing.assert_close(oril.state()[name].double(), old + 0.005 * (online - old), rtol=1e-6, atol=1e-7)
+        online = live_tensors(oril)[name.removesuffix("_target")].double()
+        torch.testing.assert_close(
+            live_tensors(oril)[name].double(), old + 0.005 * (online - old), rtol=1e-6, atol=1e-7
+        )
 
 
 def test_actor_loss_does_not_train_the_critic() -> None:
@@ -121,8 +124,8 @@ def test_actor_loss_does_not_train_the_critic() -> None:
     for oril in (first, second):
         for step in range(2):
             update(oril, offline_batch(4), step)
-    assert torch.equal(first.state()["critic"], second.state()["critic"])
-    assert not torch.equal(first.state()["actor"], second.state()["actor"])
+    assert torch.equal(live_tensors(first)["critic"], live_tensors(second)["critic"])
+    assert not torch.equal(live_tensors(first)["actor"], live_tensors(second)["actor"])
 
 
 def test_acts_by_the_tanh_of_the_actor() -> None:

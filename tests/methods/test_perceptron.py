@@ -11,8 +11,8 @@ import torch
 from method_helpers import normal
 from torch import Tensor
 
-from methods import perceptron
-from methods.perceptron import Activation, Layout, Parameters, Pass, composed, evaluated
+from lfobench.nn import perceptron
+from lfobench.nn.perceptron import Activation, Layout, Parameters, Pass, composed, evaluated
 
 SEEDS, HEADS, ROWS = 3, 2, 300
 

@@ -7,7 +7,7 @@ import torch
 from pydantic import ValidationError
 
 from lfobench import registry
-from lfobench.contract.method import Field, Method, PresetName, Shapes, Sizes
+from lfobench.contract.method import Field, Method, Shapes, Sizes
 from lfobench.data.firewall import check_declaration
 from lfobench.plan.protocol import PROTOCOLS
 
@@ -15,7 +15,7 @@ ALL = registry.method_names()
 methods = pytest.mark.parametrize("method", [registry.load_method(name) for name in ALL], ids=ALL)
 
 # methods.md 3 and 4, as they stand there.
-STATED: list[tuple[str, PresetName, dict[str, Any]]] = [
+STATED: list[tuple[str, str, dict[str, Any]]] = [
     (
         "dilo",
         "released",
@@ -108,7 +108,7 @@ STATED: list[tuple[str, PresetName, dict[str, Any]]] = [
 
 
 @pytest.mark.parametrize(("name", "preset", "stated"), STATED, ids=[f"{name}-{preset}" for name, preset, _ in STATED])
-def test_presets_hold_the_stated_numbers(name: str, preset: PresetName, stated: dict[str, Any]) -> None:
+def test_presets_hold_the_stated_numbers(name: str, preset: str, stated: dict[str, Any]) -> None:
     method = registry.load_method(name)
     config = method.Config(**method.presets[preset]).model_dump()
     assert {field: config[field] for field in stated} == stated
@@ -116,7 +116,7 @@ def test_presets_hold_the_stated_numbers(name: str, preset: PresetName, stated: 
 
 @methods
 def test_both_presets_exist_and_released_is_the_default(method: type[Method]) -> None:
-    assert set(method.presets) == set(get_args(PresetName))
+    assert set(method.presets) == {"released", "paper"}
     assert dict(method.presets["released"]) == {}
 
 

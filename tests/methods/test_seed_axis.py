@@ -23,6 +23,7 @@ from torch import Tensor
 from lfobench import registry
 from lfobench.contract.method import Batch, Method, PresetName, Shapes
 from lfobench.data.firewall import View
+from lfobench.engine.state import live_tensors
 
 HOPPER = Shapes(observation=11, action=3)
 SEEDS = (0, 1, 2, 3, 4, 5, 6)
@@ -136,7 +137,7 @@ def test_a_diverging_seed_leaves_the_others_bit_for_bit_as_they_were(name: str, 
     config = configured(name, "released", SMALL)
     healthy, diverging = (registry.load_method(name)(config, HOPPER, SEEDS, CPU) for _ in range(2))
     if where == "weights":
-        for tensor in diverging.state().values():
+        for tensor in live_tensors(diverging).values():
             if tensor.dim():
                 tensor.view(len(SEEDS), -1)[PLACE, ::7] = poison
     healthy_metrics, diverging_metrics = (
@@ -151,8 +152,8 @@ def test_a_diverging_seed_leaves_the_others_bit_for_bit_as_they_were(name: str, 
         assert [tensor for tensor in expected if not torch.equal(expected[tensor], found[tensor])] == []
     observation = normal(np.random.default_rng(1), len(SEEDS), 10, HOPPER.observation)
     assert torch.equal(healthy.act(observation)[others], diverging.act(observation)[others])
-    acting = "actor" if name == "oril" else "policy"
-    assert not torch.equal(healthy.state()[acting][PLACE], diverging.state()[acting][PLACE])
+    acting = "actor" if name == "oril" else "policy.network"
+    assert not torch.equal(live_tensors(healthy)[acting][PLACE], live_tensors(diverging)[acting][PLACE])
 
 
 def run_on_given_batches(method: Method, poison: float | None) -> list[dict[str, Tensor]]:

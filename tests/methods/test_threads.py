@@ -12,6 +12,7 @@ from torch import Tensor
 from lfobench.contract.method import Shapes
 from lfobench.contract.randomness import Randomness
 from lfobench.engine.program import Program
+from lfobench.engine.state import live_tensors
 from lfobench.registry import load_method
 
 STEPS = 3
@@ -39,7 +40,7 @@ def trained(name: str, threads: int) -> dict[str, Tensor]:
         for step in range(STEPS):
             program.update(step)
         found |= {f"{stage.name} {metric}": total for metric, total in program.metric_sums().items()}
-    return {**method.state(), **found}
+    return {**live_tensors(method), **found}
 
 
 @pytest.mark.parametrize("name", ["dilo", "smodice", "oril", "bco", "bc"])

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from lfobench.contract.method import Metrics, Shapes, State
+from lfobench.contract.method import Metrics, Shapes
 from lfobench.contract.randomness import StepRandomness
-from methods.networks import Adam, Network, SeedVector
+from lfobench.nn.networks import Adam, Network, SeedVector
 
 _HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 
@@ -60,10 +60,6 @@ class DeterministicPolicy:
     def _step(self, loss: Tensor) -> None:
         self._optimizer.step(self._network.gradient(loss))
 
-    def state(self) -> State:
-        """Live tensors for a checkpoint."""
-        return {"policy": self._network.flat, **self._optimizer.state("policy.adam")}
-
 
 class GaussianPolicy(DeterministicPolicy):
     """Diagonal Gaussian around ``tanh(MLP(s))`` with a log-std per action that no state changes.
@@ -97,11 +93,6 @@ class GaussianPolicy(DeterministicPolicy):
         (log_std_gradient,) = torch.autograd.grad(loss.sum(), self._log_std.values, retain_graph=True)
         super()._step(loss)
         self._log_std_optimizer.step(self._log_std.padded(log_std_gradient))
-
-    def state(self) -> State:
-        """Live tensors for a checkpoint."""
-        log_std = {"policy.log_std": self._log_std.flat, **self._log_std_optimizer.state("policy.log_std.adam")}
-        return {**super().state(), **log_std}
 
 
 class TanhGaussianPolicy:
@@ -172,12 +163,3 @@ class TanhGaussianPolicy:
             excess = (metrics["entropy"] - self._target_entropy)[:, None]
             self._temperature_optimizer.step(self._log_temperature.padded(excess))
         return metrics
-
-    def state(self) -> State:
-        """Live tensors for a checkpoint."""
-        return {
-            "policy": self._network.flat,
-            "policy.log_temperature": self._log_temperature.flat,
-            **self._optimizer.state("policy.adam"),
-            **self._temperature_optimizer.state("policy.log_temperature.adam"),
-        }

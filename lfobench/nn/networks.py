@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from lfobench.contract.randomness import Randomness
-from methods.perceptron import Activation, Layout, Parameters, Pass, composed, evaluated
+from lfobench.nn.perceptron import Activation, Layout, Parameters, Pass, composed, evaluated
 
 Initialization = Literal["torch", "xavier"]
 
@@ -90,6 +90,10 @@ class Network:
             outputs = Pass.apply(self._parameters.leaf, self._parameters, inputs)  # type: ignore[no-untyped-call]
         return outputs.unflatten(0, (self.seed_count, self.heads)) if self.heads > 1 else outputs
 
+    def live_tensors(self) -> dict[str, Tensor]:
+        """All that training changes."""
+        return {"": self.flat}
+
     def gradient(self, loss: Tensor, *, retain_graph: bool = False) -> Tensor:
         """Gradient ``[S*H, P]`` of a per-seed loss ``[S]``; zeros for frozen layers."""
         (gradient,) = torch.autograd.grad(loss.sum(), self._parameters.leaf, retain_graph=retain_graph)
@@ -130,6 +134,10 @@ class SeedVector:
     def __init__(self, width: int, seed_count: int, device: torch.device) -> None:
         self.flat = torch.zeros(seed_count, width + -width % ROW_MULTIPLE, device=device)
         self.values = self.flat[:, :width].detach().requires_grad_()
+
+    def live_tensors(self) -> dict[str, Tensor]:
+        """All that training changes."""
+        return {"": self.flat}
 
     def padded(self, gradient: Tensor) -> Tensor:
         """A gradient ``[S, width]`` in the shape of `flat`."""
@@ -203,6 +211,6 @@ class Adam:
         self._parameters.grad = gradient
         self._optimizer.step()
 
-    def state(self, prefix: str) -> dict[str, Tensor]:
-        """The live tensors that a checkpoint needs, under `prefix`."""
-        return {f"{prefix}.{name}": tensor for name, tensor in self._state.items()}
+    def live_tensors(self) -> dict[str, Tensor]:
+        """All that a step changes, except the parameters."""
+        return self._state
