@@ -22,7 +22,7 @@ from lfobench.engine.job import Job, carry_out
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
 from lfobench.files import remove_leftovers, writable_folder
-from lfobench.plan.cells import Cell, Run
+from lfobench.plan.cells import Cell
 from lfobench.plan.parts import build_command
 from lfobench.plan.sources import check_here, spelled
 from lfobench.schedule.agenda import Agenda, Forecast

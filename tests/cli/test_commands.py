@@ -27,7 +27,7 @@ from lfobench import registry
 from lfobench.cli import app, progress
 from lfobench.contract.method import MethodConfig
 from lfobench.contract.record import content_hash
-from lfobench.engine.job import Job
+from lfobench.plan.cells import Run
 from lfobench.plan.protocol import PROTOCOLS
 from lfobench.registry import load_method, load_suite, method_names
 from lfobench.stats.names import Test
@@ -73,16 +73,16 @@ def test_the_same_command_does_nothing_again(compared: Path, lfobench_command: I
     assert {path: path.stat().st_mtime_ns for path in compared.rglob("*")} == before
 
 
-def test_what_a_job_left_that_was_killed_at_its_very_end_is_removed(
+def test_the_checkpoint_of_a_run_that_was_killed_at_its_very_end_is_removed(
     compared: Path, tmp_path: Path, lfobench_command: InProcess
 ) -> None:
     shutil.copytree(compared, tmp_path / "runs")
     folder = RecordFolder(tmp_path / "runs")
     cell = smoke_cell("bc", HOPPER_TASK, "locomotion")
-    finished, other = (Job(cell, seeds, folder.root, tmp_path, "cpu").hash for seeds in ((1,), (2,)))
-    for job in (finished, other):
-        folder.checkpoint(job).parent.mkdir(exist_ok=True)
-        folder.checkpoint(job).write_bytes(b"left")
+    finished, other = (Run(cell, seed) for seed in (1, 2))
+    for run in (finished, other):
+        folder.checkpoint(run).parent.mkdir(exist_ok=True)
+        folder.checkpoint(run).write_bytes(b"left")
     assert lfobench_command("run", *SMOKE, "--workers", "1", "--out", folder.root).code == 0
     assert not folder.checkpoint(finished).exists()
     assert folder.checkpoint(other).exists(), "another command's, which may go on"

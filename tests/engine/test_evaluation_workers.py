@@ -194,7 +194,8 @@ def test_a_worker_that_dies_is_missed() -> None:
 def test_closing_leaves_nothing_behind_whatever_the_workers_are_at() -> None:
     """The state is larger than a pipe holds, so it is still on its way."""
     pool = EvaluationWorkers(cell_of(Drifting), POLE, POLE_SHAPES, [0, 1], 2)
-    processes = started(pool, {**drifting(2), "rest": torch.zeros(2, 1_000_000)})
+    large = [SeedState({**each.tensors, "rest": torch.zeros(1_000_000)}, each.values) for each in drifting(2)]
+    processes = started(pool, large)
     assert len(processes) == 2
     pool.close()
     assert_gone(processes)
