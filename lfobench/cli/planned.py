@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from rich.table import Table
 
 from lfobench.cli.console import duration, output
 from lfobench.cli.inputs import warn
+from lfobench.contract.environment import ActionBox
+from lfobench.contract.suite import Task
 from lfobench.plan.protocol import Protocol
 from lfobench.plan.sources import absent_files
 from lfobench.schedule.agenda import Agenda, Forecast, Needs
@@ -52,6 +55,10 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     if any(task.read_from is not None for task in plan.tasks):
         evaluated = ", ".join(dict.fromkeys(task.environment.id.rpartition(":")[2] for task in plan.tasks))
         output.print(f"source    {plan.cells[0].source}, evaluated on {escape(evaluated)}", soft_wrap=True)
+    boxes = scaled_actions(plan.tasks)
+    for box in dict.fromkeys(boxes.values()):
+        names = ", ".join(name for name, own in boxes.items() if own == box)
+        output.print(f"actions   in {escape(f'{box.scaling}: {names}')}", soft_wrap=True)
     if absent := absent_files(plan.tasks):
         names = ", ".join(file.name for file in absent)
         output.print(f"files     {counted(len(absent), 'file')} to fetch: {escape(names)}", soft_wrap=True)
@@ -61,6 +68,12 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
         )
     else:
         output.print(f"to do     nothing: all {len(plan.runs)} runs are done")
+
+
+def scaled_actions(tasks: Sequence[Task]) -> dict[str, ActionBox]:
+    """The box of every task whose environment takes other actions than those in [-1, 1]."""
+    boxes = {task.name: task.environment.spaces.actions for task in tasks}
+    return {name: box for name, box in boxes.items() if not box.is_unit}
 
 
 def _lacking(needs: Needs) -> str:
@@ -106,6 +119,7 @@ def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
         "shards_to_build": len(agenda.shards),
         "data_lacking": {task: asdict(needs) for task, needs in agenda.needs.items()},
         "estimated_seconds": round(expected.total_seconds, 1),
+        "action_boxes": {name: box.identity for name, box in scaled_actions(agenda.plan.tasks).items()},
         "warnings": [warning.model_dump() for warning in expected.warnings],
         "runs": [
             {

@@ -193,7 +193,7 @@ def _field(found: _Found, table: Table, width: float) -> PaperFigure:
         points = field_points(scene)
         observations = scene.observation_at(points.reshape(-1, 2).astype(np.float32))
         for label, record in found.records[name].items():
-            actions = policy_of(found.out, record).act(observations)
+            actions = task.environment.spaces.actions.in_units(policy_of(found.out, record).act(observations))
             # A diverged seed may answer NaN, which an evaluation takes for no motion.
             motion: NDArray[np.float64] = np.nan_to_num(actions * scene.stride, nan=0.0, posinf=0.0, neginf=0.0)
             panels.append(Field(name, label, scene, motion.reshape(points.shape)))

@@ -27,6 +27,17 @@ class _Environment(_Fields):
         return self
 
 
+class _ActionBox(_Fields):
+    low: list[float | None]
+    high: list[float | None]
+
+    @model_validator(mode="after")
+    def _of_one_length(self) -> _ActionBox:
+        if len(self.low) != len(self.high) or not self.low:
+            raise ValueError(f"it has {len(self.low)} lower and {len(self.high)} upper bounds")
+        return self
+
+
 class _Recipe(_Fields):
     offline_transitions: StrictInt
     expert_trajectories: StrictInt
@@ -58,6 +69,7 @@ class _Identity(_Fields):
     set: dict[str, Any]
     task: str
     environment: _Environment
+    action_box: _ActionBox | None = None
     recipe: _TrajectoryRecipe | _Recipe
     source: str
     protocol: _Protocol

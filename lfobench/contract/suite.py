@@ -41,7 +41,7 @@ class Demonstrator(Protocol):
         ...
 
     def act(self, observation: FloatArray, generator: np.random.Generator) -> FloatArray:
-        """An action ``[act]`` in [-1, 1] for one observation ``[obs]``, sampled with `generator`."""
+        """An action ``[act]`` for one observation ``[obs]``, both in the environment's units, by `generator`."""
         ...
 
 
@@ -55,7 +55,10 @@ class Operator(Protocol):
         ...
 
     def record(self, episodes: int, generator: np.random.Generator) -> Episodes:
-        """That many episodes. Where nothing was commanded (a hand-held object), their actions are NaN."""
+        """That many episodes, in the environment's units.
+
+        Where nothing was commanded (a hand-held object), their actions are NaN.
+        """
         ...
 
 

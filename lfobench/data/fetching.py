@@ -122,7 +122,7 @@ def look(path: Path, wanted: Wanted) -> None:
         raise DataFileRefused(f"The data file {path} cannot be used: {problem}", "Download it again.")
     read = found.observation if wanted.file.columns is None else min(found.observation, wanted.file.columns)
     columns = {"observations": read, "actions": found.action}
-    for field, shape in wanted.environment.shapes().items():
+    for field, shape in wanted.environment.spaces.shapes.items():
         if (columns[field],) != shape:
             raise DataFileRefused(
                 f"The data file {path} is not {wanted.file.name}: its {field} have {columns[field]} columns, those of "

@@ -28,7 +28,7 @@ def record(specification: PartSpecification, operator: Operator) -> Episodes:
 
 
 def _check_recording(episodes: Episodes, environment: Environment) -> None:
-    for name, wanted in environment.shapes().items():
+    for name, wanted in environment.spaces.shapes.items():
         columns = getattr(episodes, name).shape[1:]
         if columns != wanted:
             raise ValueError(f"{name} has rows of shape {columns}; those of {environment.id} are of shape {wanted}")
@@ -37,8 +37,9 @@ def _check_recording(episodes: Episodes, environment: Environment) -> None:
             raise ValueError(f"{name} has a value that is not a finite number")
     if np.isnan(episodes.actions).all():
         return  # nothing was commanded; a recipe says whether it can do without
-    if not (np.abs(episodes.actions) <= 1.0).all():
-        raise ValueError("actions has a value that is not a number in [-1, 1]")
+    box = environment.spaces.actions
+    if not ((episodes.actions >= box.low) & (episodes.actions <= box.high)).all():
+        raise ValueError(f"actions has a value that is not a number in {box}")
 
 
 def roll_out(

@@ -5,9 +5,11 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator
 
+import numpy as np
+
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Warning
-from lfobench.contract.suite import Recipe, TrajectoryRecipe
+from lfobench.contract.suite import Recipe, Task, TrajectoryRecipe
 from lfobench.data import boundaries
 from lfobench.data.source import TaskData
 from lfobench.errors import UserError
@@ -17,6 +19,8 @@ FEWEST_TRIPLES = 2
 """Of a part; the authors' buffer never samples its last row."""
 FEWEST_EPISODES = 10
 """Of experts, to say of one of them that it is worse than they are."""
+ROUNDING = 1e-6
+"""Of an action at the bound of its box."""
 
 
 def check_parts(data: TaskData) -> None:
@@ -38,12 +42,40 @@ def check_parts(data: TaskData) -> None:
             )
 
 
+def unbounded_actions(task: Task) -> Iterator[Warning]:
+    """A warning of an environment that bounds no action, or not all of them."""
+    box, name = task.environment.spaces.actions, task.environment.id.rpartition(":")[2]
+    if not box.is_bounded:
+        yield Warning(
+            what=f"The actions of {name} lack bounds ({box}). Where they do, nothing is scaled, and policies on "
+            f"{task.name} reach [-1, 1] of the environment's units and no more.",
+            remedy="Register a wrapper of it with a bounded box of actions, if more is needed.",
+        )
+
+
 def remarks(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
-    """What is not as the recipe has it, for a method of these needs."""
+    """What is not as the recipe or the environment has it, for a method of these needs."""
+    yield from unbounded_actions(data.task)
+    yield from _outside_the_box(data)
     if isinstance(data.recipe, TrajectoryRecipe):
         return  # every recorded demonstration is observed, the failed ones among them; the record says how many succeed
     yield from _short(data, data.recipe, needs)
     yield from _poor_demonstration(data)
+
+
+def _outside_the_box(data: TaskData) -> Iterator[Warning]:
+    box = data.task.environment.spaces.actions
+    for part, episodes in (("offline", data.offline), ("expert", data.expert)):
+        # NaN, where nothing was commanded, is not outside.
+        sizes = np.abs(episodes.actions).max(axis=1)
+        count = int((sizes > 1.0 + ROUNDING).sum())
+        if count:
+            yield Warning(
+                what=f"{counted(count, 'action')} of {episodes.transitions:,} in the {part} part of {data.task.name} "
+                f"{'leaves' if count == 1 else 'leave'} [-1, 1]{'' if box.is_unit else f', scaled from {box}'}, the "
+                f"farthest to {np.nanmax(sizes):.3g}. They are learned from as they are; no policy can repeat them.",
+                remedy="Clip them in the file where its simulator did, or look for another scale of its actions.",
+            )
 
 
 def _short(data: TaskData, recipe: Recipe, needs: DataNeeds) -> Iterator[Warning]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from lfobench.plan.parts import requests
 
 @dataclass(frozen=True)
 class TaskData:
-    """A task's episodes and what identifies them."""
+    """A task's episodes, their actions in a method's [-1, 1], and what identifies them."""
 
     task: Task
     recipe: Recipe | TrajectoryRecipe
@@ -94,6 +94,8 @@ def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryR
     check_columns(root, suite, task, recipe, rebuild)
     if isinstance(recipe, TrajectoryRecipe) and recipe.equal_transitions:
         offline = offline.first_transitions(expert.transitions)
+    box = task.environment.spaces.actions
+    offline, expert = (replace(part, actions=box.normalized(part.actions)) for part in (offline, expert))
     return TaskData(task, recipe, offline, expert, {"offline": offline_mark, "expert": expert_mark})
 
 
@@ -114,7 +116,7 @@ def check_columns(root: Path, suite: Suite, task: Task, recipe: Recipe | Traject
         UserError: a file's rows are not as wide as the environment's.
     """
     read = [request for request in requests(suite, task, recipe) if request.path is not None]
-    shapes = task.environment.shapes() if read else {}
+    shapes = task.environment.spaces.shapes if read else {}
     for request in read:
         found = PartCache(root, request.specification).row_shapes(rebuild)
         for field, shape in shapes.items():

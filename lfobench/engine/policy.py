@@ -37,7 +37,7 @@ class TrainedPolicy:
     transform: ObservationTransform
 
     def act(self, observation: FloatArray) -> FloatArray:
-        """Actions ``[n, act]`` for the simulator's observations ``[n, obs]``."""
+        """Actions ``[n, act]`` in [-1, 1] for the simulator's observations ``[n, obs]``."""
         seen = torch.from_numpy(self.transform(observation))[None]
         with torch.no_grad():
             actions: FloatArray = self.method.act(seen)[0].numpy()

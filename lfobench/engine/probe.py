@@ -91,7 +91,8 @@ class Prober:
         if environment.name not in self._simulators:
             simulator = environment.make()
             observation, _ = simulator.reset(seed=0)
-            action = np.zeros(simulator.action_space.shape or (1,), np.float32)
+            box = environment.spaces.actions
+            action = box.in_units(np.zeros(len(box.low), np.float32))
             seconds = _seconds_per_step(simulator, lambda _: action)
             if (together := environment.make_many(WORLDS)) is not None:
                 seconds = _seconds_per_world(together, np.stack([action] * WORLDS))

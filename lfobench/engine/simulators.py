@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import gymnasium
 import numpy as np
 
+from lfobench.contract.environment import ActionBox, Environment
 from lfobench.contract.episodes import FloatArray
-from lfobench.contract.suite import Environment
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,10 @@ class Simulators(Protocol):
         ...
 
     def step(self, action: FloatArray, running: Sequence[int], observation: FloatArray) -> Stepped:
-        """Step the worlds `running` with their rows of `action` ``[n, act]``; their rows of `observation` change."""
+        """Step the worlds `running` with their rows of `action` ``[n, act]``; their rows of `observation` change.
+
+        Actions are a method's, in [-1, 1].
+        """
         ...
 
     def close(self) -> None:
@@ -60,6 +63,7 @@ class OneByOne:
     def __init__(self, environments: Sequence[gymnasium.Env[Any, Any]]) -> None:
         self._environments = environments
         self._steps = [environment.step for environment in environments]
+        self._box = ActionBox.of(environments[0].action_space)
 
     def __len__(self) -> int:
         return len(self._environments)
@@ -73,6 +77,7 @@ class OneByOne:
         """See `Simulators`."""
         # Lists, because NumPy charges for every element that is read or written on its own.
         rewards, over, outcomes = [], [], []
+        action = self._box.in_units(action)
         for world in running:
             observation[world], reward, terminated, truncated, info = self._steps[world](action[world])
             rewards.append(float(reward))
@@ -91,6 +96,7 @@ class Together:
 
     def __init__(self, environment: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         self._environment = environment
+        self._box = ActionBox.of(environment.single_action_space)
 
     def __len__(self) -> int:
         return self._environment.num_envs
@@ -102,7 +108,7 @@ class Together:
 
     def step(self, action: FloatArray, running: Sequence[int], observation: FloatArray) -> Stepped:
         """See `Simulators`."""
-        found, rewards, terminated, truncated, info = self._environment.step(action)
+        found, rewards, terminated, truncated, info = self._environment.step(self._box.in_units(action))
         observation[running] = np.asarray(found, np.float32)[running]
         over = np.logical_or(terminated, truncated)[running]
         outcomes: Sequence[str | None] = [None] * len(running)

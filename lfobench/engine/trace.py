@@ -10,13 +10,14 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from lfobench.contract.environment import ActionBox
 from lfobench.contract.episodes import FloatArray
 from lfobench.contract.suite import Environment, Task
 from lfobench.engine.evaluation import start_seed
 from lfobench.errors import UserError
 
 Act = Callable[[FloatArray], FloatArray]
-"""Raw observations of the simulator ``[n, obs]`` to actions ``[n, act]``."""
+"""Raw observations of the simulator ``[n, obs]`` to a method's actions ``[n, act]`` in [-1, 1]."""
 
 STEPS_PER_SECOND = 20.0
 """Of a simulator whose metadata gives no ``render_fps``."""
@@ -64,11 +65,12 @@ def _run(act: Act, task: Task, starts: Sequence[int], worlds: gymnasium.vector.V
         pucks = [[position] for position in _reported(information, "puck", task.environment)]
     outcomes = [""] * len(starts)
     running = np.ones(len(starts), np.bool_)
+    box = ActionBox.of(worlds.single_action_space)
     while running.any():
         actions = act(np.asarray(observations, np.float32))
         # A diverged seed may answer NaN.
         actions = np.where(np.isfinite(actions), actions, np.float32(0.0))
-        observations, _, terminated, truncated, information = worlds.step(actions)
+        observations, _, terminated, truncated, information = worlds.step(box.in_units(actions))
         _append(effectors, _reported(information, "effector", task.environment), running)
         if pucks is not None:
             _append(pucks, _reported(information, "puck", task.environment), running)

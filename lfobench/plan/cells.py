@@ -81,6 +81,8 @@ class Cell:
             "set": dict(self.assigned),
             "task": self.task.name,
             "environment": {**asdict(environment), "arguments": dict(environment.arguments)},
+            # Only where it is not [-1, 1], which older identities do not say.
+            **({} if (box := environment.spaces.actions).is_unit else {"action_box": box.identity}),
             "recipe": asdict(self.recipe),
             "source": self.source,
             "data": dict(self.data),

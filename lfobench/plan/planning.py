@@ -90,6 +90,8 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
     methods = {method.name: method for method in chosen_methods(request.methods).values()}
     seeds = tuple(parse_seeds(protocol.seeds if request.seeds is None else request.seeds))
     assigned = parse_assignments(request.assignments, list(methods))
+    for task in tasks:
+        check_environment(task)
     cells = [
         Cell(
             method=method,
@@ -115,6 +117,19 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
     for cell in cells:
         _check_actions(cell)
     return Plan(suite, tuple(cells), seeds, protocol, reason, device)
+
+
+def check_environment(task: Task) -> None:
+    """Refuse a task whose environment does not exist, or is not one of flat vectors.
+
+    Raises:
+        UserError: naming the environment and the task, or a package that it needs.
+    """
+    simulator_versions(task)
+    try:
+        _ = task.environment.spaces
+    except UserError as error:
+        raise UserError(f"Task '{task.name}': {error.problem}", error.remedy) from error
 
 
 def _check_actions(cell: Cell) -> None:

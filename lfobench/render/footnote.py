@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from lfobench.contract.environment import ActionBox
 from lfobench.contract.record import Record
 from lfobench.render.cell_text import DIVERGED, FAILED, MISSING
 from lfobench.render.highlight_note import highlight_notes
@@ -23,6 +24,7 @@ def footnote(table: Table, columns: Columns) -> tuple[Note, ...]:
         data_note(table.source, records),
         protocol_note(table.protocol, columns, records),
         _simulator(records),
+        *_actions(records),
         *_precision(records),
         seeds_note(table),
         *highlight_notes(table),
@@ -44,6 +46,17 @@ def _simulator(records: Sequence[Record]) -> Note:
     environments = sorted({_environment(record.identity["environment"]) for record in records})
     packages = ", ".join(f"{package} {either(found)}" for package, found in versions.items())
     return Note("Simulator", f"{packages}; {', '.join(environments)}.")
+
+
+def _actions(records: Sequence[Record]) -> Iterator[Note]:
+    """Said of environments whose actions are not in [-1, 1]."""
+    boxes = {
+        f"{_environment(record.identity['environment'])} takes {ActionBox.from_identity(box).scaling}"
+        for record in records
+        if (box := record.identity.get("action_box"))
+    }
+    if boxes:
+        yield Note("Actions", f"{'; '.join(sorted(boxes))}.")
 
 
 def _environment(environment: Mapping[str, Any]) -> str:

@@ -11,6 +11,7 @@ from lfobench.contract.record import Warning
 from lfobench.contract.suite import Level, Operator
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.data.cache import PartCache
+from lfobench.data.remarks import unbounded_actions
 from lfobench.engine.job import Job
 from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
@@ -116,7 +117,8 @@ class Forecast:
     Attributes:
         job_seconds: per job, were it alone on a core or device.
         total_seconds: data and jobs, spread over the workers.
-        warnings: what could not be measured. Such a job counts like the mean of the others, such data as nothing.
+        warnings: what the plan's reader should know, and what could not be measured. Such a job counts like the mean of
+            the others, such data as nothing.
     """
 
     job_seconds: Sequence[float]
@@ -156,7 +158,11 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
     # Jobs that share a device were each measured alone on it.
     spread = sum(job_seconds) / (1 if agenda.plan.device == "cuda" else agenda.workers)
     data = building / min(agenda.builders, len(agenda.shards) or 1)
-    warnings = [*agenda.notes, *(Warning(what=what, remedy=remedy) for what, remedy in problems.items())]
+    warnings = [
+        *(warning for task in agenda.plan.tasks for warning in unbounded_actions(task)),
+        *agenda.notes,
+        *(Warning(what=what, remedy=remedy) for what, remedy in problems.items()),
+    ]
     return Forecast(job_seconds, data + max([spread, *job_seconds]), warnings)
 
 

@@ -133,7 +133,7 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, stop: StopRe
             build_data(agenda.shards, agenda.builders, stop, watcher)
             RecordFolder(out).remove_leftovers()
             if not stop():
-                _look_at_files(agenda, rebuild, stop, watcher)
+                _look_at_data(agenda, rebuild, stop, watcher)
             if not stop():
                 _train(agenda, expected, out, stop, watcher, tally)
     except KeyboardInterrupt:
@@ -144,13 +144,17 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, stop: StopRe
     return tally
 
 
-def _look_at_files(agenda: Agenda, rebuild: Callable[[str], str], stop: StopRequest, watcher: Watcher) -> None:
-    """Refuse files that nothing can be learned from, and say what they lack, before anything trains on them."""
+def _look_at_data(agenda: Agenda, rebuild: Callable[[str], str], stop: StopRequest, watcher: Watcher) -> None:
+    """Refuse files that nothing can be learned from, and say what is odd about data, before anything trains on it.
+
+    Data that was generated for actions in [-1, 1] is not looked at: it takes long, and finds nothing.
+    """
     cells: dict[str, list[Cell]] = {}
     for job in agenda.jobs:
-        if job.cell.task.read_from is not None:
+        task = job.cell.task
+        if task.read_from is not None or not task.environment.spaces.actions.is_unit:
             cells.setdefault(job.cell.task.name, []).append(job.cell)
-    with watcher.phase("Looking at the files…"):
+    with watcher.phase("Looking at the data…"):
         for name, of_task in cells.items():
             if stop():
                 return

@@ -10,63 +10,63 @@ from helpers_engine import finish, make_job, records_of, smoke_cell
 from lfobench.contract.record import NUMBERS
 from lfobench.registry import load_method
 
-# Last row of training metrics of every stage: smoke protocol, the pole, seed 3.
+# Last row of training metrics of every stage: smoke protocol, the pole (whose actions are scaled), seed 3.
 TODAY = {
-    ("bc", "released"): {"policy": {"policy_loss": 0.730029, "entropy": 0.676336}},
-    ("bc", "paper"): {"policy": {"policy_loss": 0.7369}},
-    ("bc-expert", "released"): {"policy": {"policy_loss": 0.865472, "entropy": 0.68957}},
-    ("bc-expert", "paper"): {"policy": {"policy_loss": 0.860915}},
+    ("bc", "released"): {"policy": {"policy_loss": 0.808922, "entropy": 0.66982}},
+    ("bc", "paper"): {"policy": {"policy_loss": 0.775547}},
+    ("bc-expert", "released"): {"policy": {"policy_loss": 0.865483, "entropy": 0.68955}},
+    ("bc-expert", "paper"): {"policy": {"policy_loss": 0.861004}},
     ("bco", "released"): {
-        "inverse dynamics": {"inverse_dynamics_loss": 0.290071},
-        "policy": {"policy_loss": 0.00706962},
+        "inverse dynamics": {"inverse_dynamics_loss": 0.0295956},
+        "policy": {"policy_loss": 0.0106046},
     },
-    ("bco", "paper"): {"inverse dynamics": {"inverse_dynamics_loss": 0.290071}, "policy": {"policy_loss": 0.00706962}},
+    ("bco", "paper"): {"inverse dynamics": {"inverse_dynamics_loss": 0.0295956}, "policy": {"policy_loss": 0.0106046}},
     ("dilo", "released"): {
         "policy": {
-            "value_offline": 0.0700642,
-            "value_expert": 0.0880719,
-            "forward_loss": -0.0620483,
-            "backward_loss": 0.0385474,
-            "policy_loss": 0.321916,
-            "policy_weight": 0.998091,
+            "value_offline": 0.0685922,
+            "value_expert": 0.0878032,
+            "forward_loss": -0.0620471,
+            "backward_loss": 0.0384988,
+            "policy_loss": 0.0430613,
+            "policy_weight": 0.998055,
         }
     },
     ("dilo", "paper"): {
         "policy": {
-            "value_offline": 0.0853843,
-            "value_expert": 0.0979434,
-            "forward_loss": -0.081051,
-            "backward_loss": 0.051251,
-            "policy_loss": 0.997262,
-            "policy_weight": 0.933381,
+            "value_offline": 0.0843064,
+            "value_expert": 0.0978812,
+            "forward_loss": -0.08115,
+            "backward_loss": 0.0512271,
+            "policy_loss": 0.865905,
+            "policy_weight": 0.934346,
         }
     },
     ("oril", "released"): {
-        "discriminator": {"discriminator_loss": 1.39931, "gradient_penalty": 0.702761},
-        "policy": {"critic_loss": 0.0106013, "target_value": -0.0821823},
+        "discriminator": {"discriminator_loss": 1.39411, "gradient_penalty": 0.706241},
+        "policy": {"critic_loss": 0.00990165, "target_value": -0.0790146},
     },
     ("oril", "paper"): {
-        "discriminator": {"discriminator_loss": 1.39932, "gradient_penalty": 0.701994},
-        "policy": {"critic_loss": 0.0106543, "target_value": -0.0825153},
+        "discriminator": {"discriminator_loss": 1.3941, "gradient_penalty": 0.705498},
+        "policy": {"critic_loss": 0.00994103, "target_value": -0.0792707},
     },
     ("smodice", "released"): {
-        "discriminator": {"discriminator_loss": 1.39931, "gradient_penalty": 0.702761},
+        "discriminator": {"discriminator_loss": 1.39411, "gradient_penalty": 0.706241},
         "policy": {
-            "value_loss": -0.0715205,
-            "value_initial": 0.0253522,
-            "policy_weight": 0.931524,
-            "policy_loss": 0.687964,
-            "entropy": 0.682199,
+            "value_loss": -0.061219,
+            "value_initial": 0.0207067,
+            "policy_weight": 0.940759,
+            "policy_loss": 0.81959,
+            "entropy": 0.675646,
         },
     },
     ("smodice", "paper"): {
-        "discriminator": {"discriminator_loss": 1.39932, "gradient_penalty": 0.701994},
+        "discriminator": {"discriminator_loss": 1.3941, "gradient_penalty": 0.705498},
         "policy": {
-            "value_loss": -0.0718384,
-            "value_initial": 0.0253522,
-            "policy_weight": 0.931228,
-            "policy_loss": 0.687743,
-            "entropy": 0.682198,
+            "value_loss": -0.0614589,
+            "value_initial": 0.0207046,
+            "policy_weight": 0.940534,
+            "policy_loss": 0.819411,
+            "entropy": 0.675646,
         },
     },
 }
@@ -99,4 +99,4 @@ def test_evaluations_change_with_their_version_only(tmp_path: Path, shared_cache
     job = make_job(smoke_cell("bc"), [3], tmp_path, shared_cache)
     finish(job)
     (record,) = records_of(job)
-    assert [evaluation.lengths for evaluation in record.evaluations[:2]] == [[33, 14], [22, 19]]
+    assert [evaluation.lengths for evaluation in record.evaluations[:2]] == [[22, 8], [27, 10]]

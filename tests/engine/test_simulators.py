@@ -18,9 +18,11 @@ from lfobench.engine.policy import load_policy
 from lfobench.engine.rollout import EpisodeResults, rollout
 from lfobench.engine.simulators import OneByOne, Simulators, Together, simulators
 from lfobench.plan.cells import Cell
+from lfobench.python_files import load_file
 from lfobench.render.counting import successes_of
 from lfobench.store.folder import RecordFolder
 
+OWN = load_file(Path(__file__).parents[1] / "own_folder" / "own_suite.py", "suite")
 SCENES = str(Path(__file__).parents[1] / "scene_suite.py")
 ZEROS = np.zeros(2, np.float32)
 SEEN = ObservationTransform(ZEROS, ZEROS + 1, False)
@@ -51,6 +53,18 @@ def test_a_vector_environment_is_its_single_ones_side_by_side() -> None:
     assert np.array_equal(together.returns, one_by_one.returns)
     assert np.array_equal(together.lengths, one_by_one.lengths)
     assert len(np.unique(together.lengths)) > 1
+
+
+@pytest.mark.parametrize("identifier", ["Cart-v0", "Carts-v0"])
+@pytest.mark.parametrize(("actions", "highest"), [("one", 1.0), ("two", 2.0), ("skew", 2.0), ("unbounded", 1.0)])
+def test_a_method_s_actions_reach_the_simulator_in_its_own_units(identifier: str, actions: str, highest: float) -> None:
+    """Rewards of these worlds are sums of the action that arrived."""
+    environment = OWN.environment(actions, identifier=identifier)
+    size = len(environment.spaces.actions.low)
+    transform = ObservationTransform(np.zeros(2, np.float32), np.ones(2, np.float32), False)
+    found = rollout(lambda seen: torch.ones(*seen.shape[:2], size), transform, simulators(environment, 2), [1, 2])
+    assert isinstance(simulators(environment, 1), Together if identifier == "Carts-v0" else OneByOne)
+    assert found.returns.tolist() == [[highest * environment.horizon] * 2]
 
 
 def test_how_an_episode_ended_is_told_of_each() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
@@ -13,7 +16,9 @@ from lfobench.contract.suite import Task
 from lfobench.engine.evaluation import start_seed
 from lfobench.engine.trace import trace
 from lfobench.errors import UserError
+from lfobench.python_files import load_file
 
+OWN = load_file(Path(__file__).parents[1] / "own_folder" / "own_suite.py", "suite")
 TASKS = {task.environment.name: task for task in SUITE.tasks}
 REACHING, STRIKING = TASKS["reach"], TASKS["strike"]
 
@@ -45,6 +50,13 @@ def test_episodes_end_each_in_its_own_time_and_the_puck_goes_along() -> None:
         assert each.puck.shape == each.effector.shape
         assert (each.puck[-1, 0] < 0.0) == (each.outcome == "missed")
         assert each.step_seconds == pytest.approx(0.1)
+
+
+def test_a_method_s_actions_are_traced_in_the_simulator_s_units() -> None:
+    environment = OWN.environment("two", identifier="Carts-v0")
+    task = replace(REACHING, environment=environment)
+    (found,) = trace(lambda seen: np.full((len(seen), 1), 0.5, np.float32), task, [0])
+    assert found.effector[:, 0].tolist() == [float(step) for step in range(environment.horizon + 1)]
 
 
 def test_an_action_that_is_not_finite_is_no_motion() -> None:
