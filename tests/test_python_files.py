@@ -67,7 +67,7 @@ def test_a_neighbour_takes_no_other_package_s_place(tmp_path: Path) -> None:
         mine="""
             import json, numpy
             import suites.locomotion
-            from methods.networks import Adam
+            from methods.bc import Bc
             import lfobench.words
         """,
         methods=lure,
@@ -80,7 +80,7 @@ def test_a_neighbour_takes_no_other_package_s_place(tmp_path: Path) -> None:
         asks="import yaml",
     )
     module = load_file(tmp_path / "mine.py", "suite")
-    assert module.Adam.__module__ == "methods.networks"
+    assert module.Bc.__module__ == "methods.bc"
     assert module.suites.locomotion.SUITE.name == "locomotion"
     assert module.numpy.zeros(2).shape == (2,)  # a folder without code is no module
     assert load_file(tmp_path / "asks.py", "suite").yaml.mine
