@@ -36,6 +36,7 @@ from lfobench.store.failures import read_failures
 from lfobench.store.folder import RecordFolder, select
 from lfobench.store.frame import load
 from lfobench.store.published import read_publication
+from lfobench.words import harmless
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -237,5 +238,5 @@ def report(
 def _selected(out: str | Path, **filters: Unpack[Filters]) -> Selection:
     selection = select_records(out, **filters)
     for warning in selection.warnings:
-        warnings.warn(f"{warning.what} {warning.remedy}", stacklevel=3)
+        warnings.warn(harmless(f"{warning.what} {warning.remedy}"), stacklevel=3)
     return selection

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import sysconfig
 import traceback
 from collections.abc import Iterable
 from pathlib import Path
@@ -25,17 +26,41 @@ class UserError(Exception):
         self.remedy = remedy
 
 
+MOST_OWN_LINES = 3
+"""Of a traceback, in a message; the innermost ones."""
+
+_HARNESS = str(Path(__file__).resolve().parent)
+_LIBRARIES = tuple({path for name in ("purelib", "platlib", "stdlib") if (path := sysconfig.get_path(name))})
+
+
 def cause(error: BaseException) -> str:
     """An error of somebody else's code in words, with the line of their file: ``NameError: … (mine.py, line 7)``."""
-    ours = Path(__file__).resolve().parent
-    frames = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if not frame.filename.startswith("<frozen") and not Path(frame.filename).is_relative_to(ours)
-    ]
-    known = isinstance(error, SyntaxError) or not frames
-    where = "" if known else f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})"
+    frames = _frames(error)
+    innermost = [*frames, *_own(frames)][-1:]
+    known = isinstance(error, SyntaxError) or not innermost
+    where = "" if known else f" ({Path(innermost[0].filename).name}, line {innermost[0].lineno})"
     return f"{type(error).__name__}: {error}{where}"
+
+
+def own_lines(error: BaseException) -> tuple[str, ...]:
+    """Where an exception passed through code that is neither the harness nor an installed library, innermost last.
+
+    ``mine.py:12, in update: loss = self.loss(batch)``; empty where it passed through none.
+    """
+    return tuple(
+        f"{frame.filename}:{frame.lineno}, in {frame.name}{f': {frame.line}' if frame.line else ''}"
+        for frame in _own(_frames(error))[-MOST_OWN_LINES:]
+    )
+
+
+def _frames(error: BaseException) -> list[traceback.FrameSummary]:
+    """The frames outside the harness."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return [frame for frame in frames if not frame.filename.startswith(("<frozen", _HARNESS))]
+
+
+def _own(frames: list[traceback.FrameSummary]) -> list[traceback.FrameSummary]:
+    return [frame for frame in frames if not frame.filename.startswith(("<", *_LIBRARIES))]
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UserError:

@@ -1,4 +1,4 @@
-"""Words of messages: counts with their nouns, and text from outside made harmless."""
+"""Words of messages: counts with their nouns, numbers that stay short, and text from outside made harmless."""
 
 from __future__ import annotations
 
@@ -11,9 +11,34 @@ def counted(number: int, one: str, many: str = "") -> str:
     return f"{number:,} {one if number == 1 else many or f'{one}s'}"
 
 
+def short_number(value: float, form: str = "z.1f") -> str:
+    """A number in `form`; from a million on in two digits and a power of ten: ``97.9``, ``1.2e12``.
+
+    "z" prints -0.04 as 0.0 rather than -0.0.
+    """
+    if abs(value) < _LONGEST_NUMBER:
+        return format(value, form)
+    digits, _, power = format(value, f"{'+' if form.startswith('+') else ''}.1e").partition("e")
+    return f"{digits}e{int(power)}"
+
+
+_LONGEST_NUMBER = 1e6
+
+
 def harmless(text: str) -> str:
-    """Text on one line, with what a terminal would obey escaped."""
-    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in " ".join(text.splitlines()))
+    """Text on one line, with what a terminal would obey escaped: control codes, marks of the writing direction."""
+    return _escaped(" ".join(text.splitlines()))
+
+
+def harmless_lines(text: str) -> str:
+    """The same of text that keeps its line feeds and tabs."""
+    return _escaped(text, "\n\t")
+
+
+def _escaped(text: str, kept: str = "") -> str:
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() or each in kept else ascii(each)[1:-1] for each in text)
 
 
 def shown(text: str, most: int = MOST_SHOWN) -> str:

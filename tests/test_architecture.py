@@ -26,7 +26,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "registry": {"contract", "errors", "python_files", "source_code"},
     "plan": {"contract", "errors", "registry", "source_code", "words"},
     "data": {"contract", "plan", "errors", "files", "processes", "registry", "tensor_files", "words"},
-    "store": {"contract", "plan", "errors", "files"},
+    "store": {"contract", "plan", "errors", "files", "words"},
     "engine": {
         "contract",
         "plan",
@@ -43,7 +43,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "schedule": {"contract", "plan", "data", "engine", "executors", "store", "errors", "files", "processes"},
     "stats": {"contract"},
     "render": {"contract", "stats", "errors", "words"},
-    "api": {"contract", "schedule", "plan", "registry", "store", "stats", "render", "errors", "files"},
+    "api": {"contract", "schedule", "plan", "registry", "store", "stats", "render", "errors", "files", "words"},
     "cli": {
         "api",
         "contract",

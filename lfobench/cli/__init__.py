@@ -23,7 +23,7 @@ from lfobench.cli import (
     tune,
     video,
 )
-from lfobench.cli.console import errors, one_line
+from lfobench.cli.console import errors, guarded_streams, one_line
 from lfobench.errors import UserError
 
 app = typer.Typer(
@@ -57,7 +57,9 @@ def main() -> None:
     # One thread per process: seeds are spread over processes, and a second busy thread only slows the first.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     try:
-        app()
+        with guarded_streams():
+            app()
     except UserError as error:
-        errors.print(f"[bold red]Error:[/] {one_line(str(error))}", soft_wrap=True)
+        with guarded_streams():
+            errors.print(f"[bold red]Error:[/] {one_line(str(error))}", soft_wrap=True)
         sys.exit(2)

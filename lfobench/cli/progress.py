@@ -7,21 +7,20 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, Task, TextColumn, TimeRemainingColumn
 from rich.table import Column
 from rich.text import Text
 
-from lfobench.cli.console import INTERRUPTED, duration, errors
+from lfobench.cli.console import INTERRUPTED, duration, errors, one_line
 from lfobench.cli.inputs import warn
-from lfobench.contract.record import Warning
+from lfobench.contract.record import Warning, usable
 from lfobench.data.build import ImportJob, ShardJob
 from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance
 from lfobench.executors.events import Ended, Event
 from lfobench.schedule.agenda import Agenda, Forecast
 from lfobench.schedule.execution import StopRequest, Watcher, carry_out_agenda
-from lfobench.words import counted
+from lfobench.words import counted, short_number
 
 LOG_SECONDS = 60.0
 
@@ -66,6 +65,11 @@ def display(quiet: bool) -> Iterator[Display]:
         yield Display(bars, logging=not quiet and not errors.is_terminal)
 
 
+def score_words(score: float) -> str:
+    """``score 97.9``; an average that is beyond all measure is not spelled out."""
+    return f"score {short_number(score)}" if usable(score) else "score exploded"
+
+
 def _log_line(task: Task) -> Text:
     fields = [Text.from_markup(task.description).plain, task.fields["count"], task.fields["note"]]
     if task.time_remaining is not None:
@@ -104,13 +108,13 @@ class JobLine:
     def __init__(self, bars: Progress, job: Job) -> None:
         self._bars = bars
         seeds = f"seed {job.seeds[0]}" if len(job.seeds) == 1 else f"{len(job.seeds)} seeds"
-        self._task = bars.add_task(f"{escape(job.cell.label)} {seeds}", total=None, count="", note="")
+        self._task = bars.add_task(f"{one_line(job.cell.label)} {seeds}", total=None, count="", note="")
 
     def update(self, advance: Advance) -> None:
         """Show the job's stage, speed and latest score."""
         speed = self._bars.tasks[self._bars.task_ids.index(self._task)].speed
         rate = f", {speed:.0f} steps/s" if speed else ""
-        score = "" if advance.score is None else f", score {advance.score:.1f}"
+        score = "" if advance.score is None else f", {score_words(advance.score)}"
         note = f"{advance.stage}{rate}{score}"
         count = f"{advance.done}/{advance.total}"
         self._bars.update(self._task, total=advance.total, completed=advance.done, count=count, note=note)
@@ -172,7 +176,7 @@ class Terminal(Watcher):
                     overall.recorded()
                     mark = " [red]diverged[/]" if what.diverged else ""
                     if not self._quiet:
-                        errors.print(f"{escape(what.run)}: score {what.score:.1f}{mark}")
+                        errors.print(f"{one_line(what.run)}: {score_words(what.score)}{mark}")
                     self.warn(what.warnings)
                 elif line := lines.pop(event.index, None):
                     line.remove()
@@ -180,13 +184,15 @@ class Terminal(Watcher):
                 shown.tick()
 
     def failed(self, job: Job, ended: Ended, kept: Sequence[Path]) -> None:
-        """One line, and one for every file that holds a traceback."""
+        """One line, the user's own lines that it came from, and one for every file that holds a traceback."""
         if ended.outcome == "busy":
-            errors.print(f"{escape(', '.join(run.label for run in job.runs))}: skipped, {ended.message}.")
+            errors.print(f"{one_line(', '.join(run.label for run in job.runs))}: skipped, {ended.message}.")
             return
-        errors.print(f"[bold red]Failed:[/] {escape(job.cell.label)}: {escape(ended.message)}", soft_wrap=True)
-        for path in kept:
-            errors.print(f"        traceback in {escape(str(path))}", soft_wrap=True)
+        errors.print(f"[bold red]Failed:[/] {one_line(f'{job.cell.label}: {ended.message}')}", soft_wrap=True)
+        for line in ended.place:
+            errors.print(f"        {one_line(line)}", soft_wrap=True)
+        for path in kept if ended.detail else ():
+            errors.print(f"        traceback in {one_line(str(path))}", soft_wrap=True)
 
 
 def stopping() -> None:

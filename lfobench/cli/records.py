@@ -5,44 +5,56 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from lfobench.cli import options
-from lfobench.cli.console import output, print_json
+from lfobench.cli.console import one_line, output, print_json
 from lfobench.cli.inputs import choices_in, read_folder, request, resolve, warn
 
 if TYPE_CHECKING:
+    from lfobench.contract.failure import Failure
     from lfobench.contract.record import Record
 
 
 def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False) -> None:
-    """What is in a folder of records: seeds done per cell, diverged seeds, runs in progress.
+    """What is in a folder of records: seeds done per cell, diverged and crashed seeds, runs in progress.
 
     Example: lfobench status --out runs
     """
-    from rich.markup import escape
     from rich.table import Table
 
+    from lfobench.store.failures import read_failures
     from lfobench.store.folder import RecordFolder
 
     folder = RecordFolder(out)
     read = folder.read_all()
+    failures, unread = read_failures(folder, read.records)
     cells: dict[tuple[str, ...], dict[str, list[int]]] = {}
-    for record in read.records:
-        key = (record.task, record.method, _variant(record), _budget(record))
-        cells.setdefault(key, {"finished": [], "diverged": []})[record.status].append(record.seed)
+    ended = [(run, run.status) for run in read.records] + [(failure, "crashed") for failure in failures]
+    for run, how in ended:
+        key = (run.task, run.method, _variant(run), _budget(run))
+        cells.setdefault(key, {"finished": [], "diverged": [], "crashed": []})[how].append(run.seed)
     checkpoints = len(list((out / "checkpoints").glob("*.safetensors")))
     rows = [
         dict(zip(("task", "method", "preset", "protocol"), key, strict=True))
         | {name: sorted(seeds) for name, seeds in found.items()}
         for key, found in sorted(cells.items())
     ]
-    warn(read.warnings)
+    warn([*read.warnings, *unread])
     if as_json:
         print_json({"cells": rows, "runs_in_progress": checkpoints})
         return
-    table = Table("task", "method", "preset", "protocol", "seeds finished", "seeds diverged")
+    table = Table()
+    for header in ("task", "method", "preset", "protocol", "seeds finished", "seeds diverged", "seeds crashed"):
+        # Folded, never cut: a name that ends in dots cannot be typed.
+        table.add_column(header, overflow="fold")
     for row in rows:
-        table.add_row(*(escape(_cell(value)) for value in row.values()))
+        table.add_row(*(one_line(_cell(value)) for value in row.values()))
     output.print(table)
-    output.print(f"{len(read.records)} records, {checkpoints} runs interrupted or in progress")
+    crashed = f"{len(failures)} crashed runs, " if failures else ""
+    output.print(f"{len(read.records)} records, {crashed}{checkpoints} runs interrupted or in progress")
+    for failure in failures:
+        what = f"{failure.method} on {failure.task}, seed {failure.seed}: {failure.error}"
+        output.print(f"[red]Crashed:[/] {one_line(what)}", soft_wrap=True)
+        for line in failure.place[-1:]:
+            output.print(f"         {one_line(line)}", soft_wrap=True)
 
 
 def why(
@@ -66,8 +78,6 @@ def why(
 
     Example: lfobench why --methods dilo --tasks hopper-random-expert --set dilo.tau=3
     """
-    from rich.markup import escape
-
     from lfobench.data.source import declared_fingerprints
     from lfobench.files import cache_folder
     from lfobench.store.explain import explain
@@ -86,12 +96,12 @@ def why(
         return
     for explanation in explanations:
         colour = "green" if explanation.reused else "yellow"
-        output.print(f"[{colour}]{escape(explanation.headline)}[/]", soft_wrap=True)
+        output.print(f"[{colour}]{one_line(explanation.headline)}[/]", soft_wrap=True)
         for difference in explanation.differences:
-            output.print(f"    {escape(difference)}", soft_wrap=True)
+            output.print(f"    {one_line(difference)}", soft_wrap=True)
 
 
-def _variant(record: Record) -> str:
+def _variant(record: Record | Failure) -> str:
     """The preset, what was chosen, what ``--set`` changed, and which code of a method from elsewhere it was.
 
     For example ``released, tuned tau=2 mixture=0.5, discount=0.9, code 1a2b3c4``.
@@ -112,7 +122,7 @@ def _variant(record: Record) -> str:
     )
 
 
-def _budget(record: Record) -> str:
+def _budget(record: Record | Failure) -> str:
     """The protocol, with the steps if ``--steps`` chose them: ``quick, 24,000 steps``."""
     protocol = record.identity["protocol"]
     return f"{protocol['name']}, {protocol['steps']:,} steps" if protocol["steps_assigned"] else str(protocol["name"])

@@ -147,6 +147,8 @@ def _show(choices: Sequence[tuple[Search, Choice]], folder: TuningFolder) -> Non
     from rich.markup import escape
     from rich.table import Table
 
+    from lfobench.words import short_number
+
     table = Table(title="Choices", title_style="bold")
     for header in ("task", "method", "chosen", "score", "of all trials"):
         # Folded, never cut: a name that ends in dots cannot be typed.
@@ -158,8 +160,8 @@ def _show(choices: Sequence[tuple[Search, Choice]], folder: TuningFolder) -> Non
             escape(search.cell.task.name),
             escape(search.cell.method.name),
             escape(values),
-            f"{choice.best.score:.1f}",
-            f"{min(scores):.1f} to {max(scores):.1f} ({len(scores)})",
+            short_number(choice.best.score),
+            f"{short_number(min(scores))} to {short_number(max(scores))} ({len(scores)})",
         )
     output.print(table)
     output.print(f"in {escape(str(folder.trials.root))}; {choices[0][1].tuning.criterion}", soft_wrap=True)

@@ -19,6 +19,9 @@ class Failure(BaseModel):
     identity: dict[str, Any] = Field(description="As in a record.")
     labels: Labels
     error: str = Field(description="One line: what went wrong.")
+    place: list[str] = Field(
+        default=[], description="The innermost lines of the user's own code, e.g. mine.py:12, in update: loss = …"
+    )
     traceback: list[str] = Field(description="Where, line by line.")
 
     @model_validator(mode="after")

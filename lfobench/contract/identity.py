@@ -10,6 +10,10 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, FiniteFloat, Strict, StrictBool, StrictInt, ValidationError, model_validator
 
 
+LARGEST_REFERENCE = 1e100
+"""Either way, of a reference return; sums and squares of returns near larger ones leave the range of float64."""
+
+
 class _Fields(BaseModel):
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -24,6 +28,8 @@ class _Environment(_Fields):
     def _scale(self) -> _Environment:
         if self.random_return == self.expert_return:
             raise ValueError("its two reference returns are equal, so there is no score")
+        if max(abs(self.random_return), abs(self.expert_return)) > LARGEST_REFERENCE:
+            raise ValueError(f"a reference return is beyond ±{LARGEST_REFERENCE:g}")
         return self
 
 

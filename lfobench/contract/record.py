@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Any, Literal
+from typing import Any, Literal, TypeGuard
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from lfobench.contract.identity import check_identity
 from lfobench.contract.statistic import HEADLINE, Statistic
 from lfobench.errors import UserError
+from lfobench.words import short_number
 
 SCHEMA = 1
 """Form of a record; another version's records are named and skipped."""
@@ -27,6 +28,15 @@ Status = Literal["finished", "diverged"]
 
 SUCCESS = "success"
 """The outcome of an episode that did what the task asks for; any other outcome is a failure by that name."""
+
+
+LARGEST_SCORE = 1e15
+"""Either way, of an episode; float64 does not hold the tenth, which tables print, of a larger one."""
+
+
+def usable(value: object) -> TypeGuard[int | float]:
+    """Whether a value is a number within ±`LARGEST_SCORE`, with which views can calculate."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_SCORE
 
 
 def canonical_json(value: Any) -> str:
@@ -221,6 +231,33 @@ class Record(_Model):
             return []
         by_start = zip(*(evaluation.returns for evaluation in evaluations), strict=True)
         return [self.normalized_score(sum(returns) / len(returns)) for returns in by_start]
+
+    def bounded(self) -> Record:
+        """The record as every view takes it; this one unless the score of an episode is beyond `LARGEST_SCORE`.
+
+        A run that explodes counts as diverged from the first evaluation with such an episode on; a warning, the last
+        one, says so.
+        """
+        evaluations = [*self.evaluations, *([self.further] if self.further else [])]
+        for index, evaluation in enumerate(evaluations):
+            enormous = next((each for each in evaluation.returns if not usable(self.normalized_score(each))), None)
+            if enormous is not None:
+                what = (
+                    f"{self.method} on {self.task}, seed {self.seed} exploded: an episode at step {evaluation.step:,} "
+                    f"returned {short_number(enormous)}, a score beyond ±{short_number(LARGEST_SCORE)}, so the run counts as "
+                    "diverged there."
+                )
+                warning = Warning(what=what, remedy="Its record keeps every return.")
+                return self.model_copy(
+                    update={
+                        "status": "diverged",
+                        "diverged_at": evaluation.step,
+                        "evaluations": [each for each in evaluations[:index] if each is not self.further],
+                        "further": None,
+                        "warnings": [*self.warnings, warning],
+                    }
+                )
+        return self
 
     def measured(self) -> dict[str, Any]:
         """Everything but `provenance`: equal, bit for bit, for two runs of one identity on a CPU."""

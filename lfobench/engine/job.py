@@ -168,7 +168,9 @@ def _write(
             save_policy(folder.policy(record), record, run.cell.method, trainer.state, index, seen)
         path = folder.write(run, record)
         folder.checkpoint(run).unlink(missing_ok=True)
-        yield Recorded(run.label, path, record.score(), record.status == "diverged", trainer.warnings)
+        counted = record.bounded()
+        warnings = [*trainer.warnings, *counted.warnings[len(record.warnings) :]]
+        yield Recorded(run.label, path, counted.score(), counted.status == "diverged", warnings)
 
 
 def _record(

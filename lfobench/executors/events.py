@@ -9,7 +9,7 @@ from typing import Literal
 
 from lfobench.engine.job import Busy, Job, Recorded
 from lfobench.engine.training import Advance
-from lfobench.errors import UserError
+from lfobench.errors import UserError, own_lines
 
 Outcome = Literal["done", "stopped", "busy", "failed"]
 CarryOut = Callable[[Job, Callable[[], bool]], Iterator[Advance | Recorded]]
@@ -23,11 +23,13 @@ class Ended:
         outcome: how.
         message: one line for the user where there is something to say.
         detail: traceback of a crash, empty otherwise.
+        place: the innermost lines of the user's own code in it, see `own_lines`.
     """
 
     outcome: Outcome
     message: str = ""
     detail: str = ""
+    place: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,6 @@ def attempt(job: Job, carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator
     except UserError as error:
         yield Ended("failed", str(error))
     except Exception as error:
-        yield Ended("failed", f"{type(error).__name__}: {error}", traceback.format_exc())
+        yield Ended("failed", f"{type(error).__name__}: {error}", traceback.format_exc(), own_lines(error))
     else:
         yield Ended("stopped" if stop() else "done")

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import isfinite
 
 from lfobench.contract.failure import Failure
-from lfobench.contract.record import Record
+from lfobench.contract.record import Record, usable
 from lfobench.contract.statistic import HEADLINE, Statistic
 from lfobench.errors import UserError
 from lfobench.render.columns import arrange_columns, column_of_failure
@@ -17,6 +16,7 @@ from lfobench.render.footnote import footnote
 from lfobench.render.table import Block, Cell, Column, Row, Table, competes
 from lfobench.stats.highlight import DEFAULT_RULE, Rule, highlights
 from lfobench.stats.sample import Sample, sample_of
+from lfobench.words import harmless
 
 Cells = dict[Column, Cell]
 
@@ -126,7 +126,7 @@ def _expert_cells(records: Sequence[Record]) -> dict[str, Cells]:
         record.task: {column: Cell(sample_of([float(score)]))}
         for record in records
         # Provenance is free text of whoever wrote the record.
-        if isinstance(score := record.provenance.get("demonstration_score"), int | float) and isfinite(score)
+        if usable(score := record.provenance.get("demonstration_score"))
     }
 
 
@@ -145,7 +145,7 @@ def _rows(cells: Mapping[str, Cells], rule: Rule, others: Mapping[str, Cells], c
         shown = marked | others.get(task, {})
         rows.append(
             Row(
-                task,
+                harmless(task),
                 task,
                 tuple(shown.get(column) for column in columns),
                 outcome.outcome,
@@ -168,10 +168,10 @@ def _blocks(rows: Sequence[Row], example: Mapping[str, Record]) -> tuple[Block, 
         groups.setdefault(example[row.task].labels.group, []).append(row)
     return tuple(
         Block(
-            group,
+            harmless(group),
             # Two suites may use one short name in one group; the task's full name tells them apart.
             tuple(
-                row if shorts.count(short) > 1 else replace(row, label=short)
+                row if shorts.count(short) > 1 else replace(row, label=harmless(short))
                 for row, short in zip(members, shorts, strict=True)
             ),
         )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from lfobench.render.table import Cell
 from lfobench.stats.names import Agreement
+from lfobench.words import short_number
 
 PLUS_MINUS = "±"
 MISSING = "–"
@@ -89,9 +90,4 @@ def _numbers(cell: Cell) -> tuple[str, str, str, str]:
         return f"{successes.pooled.successes}/{successes.pooled.trials}", "", low, high
     if summary is None:
         return MISSING, "", "", ""
-    return _one_decimal(summary.mean), "" if summary.std is None else _one_decimal(summary.std), "", ""
-
-
-def _one_decimal(value: float) -> str:
-    # "z" prints -0.04 as 0.0 rather than -0.0.
-    return f"{value:z.1f}"
+    return short_number(summary.mean), "" if summary.std is None else short_number(summary.std), "", ""

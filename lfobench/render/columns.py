@@ -11,6 +11,7 @@ from lfobench.contract.identity import code_version
 from lfobench.contract.record import Record, canonical_json
 from lfobench.render.conditions import fixed_fields
 from lfobench.render.table import Column
+from lfobench.words import harmless
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def _labels(variants: Mapping[_Variant, Sequence[Record]]) -> dict[_Variant, str
             shown.insert(0, "tuned")
         if shown:
             label += f"({', '.join(shown)})"
-        labels[variant] = label
+        labels[variant] = harmless(label)
     return labels
 
 

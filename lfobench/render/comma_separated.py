@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 
 from lfobench.render.table import Cell, Table
+from lfobench.words import harmless
 
 FIELDS = (
     "group",
@@ -61,13 +63,11 @@ def comma_separated(table: Table) -> str:
     second best in scope. Counts are pooled over seeds; `fixed_` ones are those of the fixed test starts alone, `seed_`
     ones those of every seed, in the order of `seeds`; the ends of the rate's interval lie between 0 and 1.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*FIELDS, *(COUNT_FIELDS if table.counts else ())])
+    lines: list[Sequence[object]] = [[*FIELDS, *(COUNT_FIELDS if table.counts else ())]]
     for block, row in table.rows():
         for column, cell in zip(table.columns, row.cells, strict=True):
             summary = cell.summary if cell else None
-            writer.writerow(
+            lines.append(
                 [
                     block.label,
                     row.label,
@@ -99,7 +99,30 @@ def comma_separated(table: Table) -> str:
                     *(_counts(cell) if table.counts else ()),
                 ]
             )
+    return csv_text(lines)
+
+
+def csv_text(lines: Iterable[Sequence[object]]) -> str:
+    """Lines of fields as CSV.
+
+    Text is on one line and without control codes. Where a spreadsheet would take a name for a formula, the name has an
+    apostrophe before it.
+    """
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([_field(value) for value in line] for line in lines)
     return text.getvalue()
+
+
+def _field(value: object) -> object:
+    if value is None or isinstance(value, int | float):
+        return value
+    text = harmless(str(value))
+    return f"'{text}" if text[:1] in _FORMULA and not _NUMBERS.fullmatch(text) else text
+
+
+_FORMULA = frozenset("=+-@")
+_NUMBERS = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[+-]?[0-9]+)?( -?[0-9]+(\.[0-9]+)?(e[+-]?[0-9]+)?)*")
+"""What scores by seed look like, which may begin with a minus."""
 
 
 def _counts(cell: Cell | None) -> list[float | str | None]:

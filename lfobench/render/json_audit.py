@@ -30,7 +30,7 @@ def json_audit(audit: Audit) -> str:
             for stated in publication.contradictions
         ],
     }
-    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"
 
 
 def _means(audit: MeansAudit) -> dict[str, Any]:

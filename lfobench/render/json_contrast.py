@@ -49,7 +49,7 @@ def json_contrast(compared: Compared) -> str:
         ],
         "notes": [{"label": note.label, "text": note.text} for note in contrast_notes(compared)],
     }
-    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"
 
 
 def _cell_object(compared: Compared, name: CellName) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def json_planning(plan: SeedPlan) -> str:
         ],
         "notes": [{"label": note.label, "text": note.text} for note in planning_notes(plan)],
     }
-    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"
 
 
 def _task(task: PilotTask, plan: TaskPlan) -> dict[str, Any]:

@@ -35,7 +35,7 @@ def json_table(table: Table) -> str:
         "rows": [_row(block.label, row, table.counts) for block, row in table.rows()],
         "notes": [{"label": note.label, "text": note.text} for note in table.notes],
     }
-    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"
 
 
 def _column(column: Column, group: str) -> dict[str, Any]:

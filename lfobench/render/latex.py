@@ -135,14 +135,19 @@ def _cell(cell: Cell | None, slots: _Slots) -> str:
     if text.mean == MISSING:
         # A dash is no minus sign. What stands behind it does not keep its distance.
         return escape(MISSING) + beside + (f"${spread}$" if spread else "")
-    number = f"${text.mean}{spread}$"
+    number = f"${_number(text.mean)}{spread}$"
     return (rf"\lfobenchbest{{{number}}}" if cell and cell.highlighted else number) + beside
 
 
 def _spread(std: str, digits: int) -> str:
     if std:
-        return rf" \pm {_phantom('0' * (digits - len(std)))}{std}"
+        return rf" \pm {_phantom('0' * (digits - len(std)))}{_number(std)}"
     return _phantom(rf"{{}} \pm {'0' * (digits - 2)}.0") if digits else ""
+
+
+def _number(text: str) -> str:
+    """A number inside mathematics, where a letter would be a variable: ``1.2e12``."""
+    return text.replace("e", r"\mathrm{e}")
 
 
 def _interval(text: CellText, digits: int) -> str:

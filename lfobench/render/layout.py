@@ -13,6 +13,7 @@ from rich.cells import cell_len
 from rich.text import Text
 
 from lfobench.render.table import Note
+from lfobench.words import harmless
 
 _GAP = 2
 _NARROWEST_NOTE = 20
@@ -35,6 +36,10 @@ class Section:
 
 def aligned(columns: Sequence[str], sections: Sequence[Section], width: int) -> Iterator[Text]:
     """The rows of all sections in common columns, right-aligned; `columns` names them, without the first."""
+    columns = [harmless(column) for column in columns]
+    sections = [
+        Section(harmless(each.heading), each.style, [[*map(harmless, row)] for row in each.rows]) for each in sections
+    ]
     rows = [row for section in sections for row in section.rows]
     widths = [max(cell_len(text) for text in texts) for texts in zip(columns, *(row[1:] for row in rows), strict=True)]
     stub = max((_GAP + cell_len(row[0]) for row in rows), default=0)
@@ -58,7 +63,7 @@ def wrapped(notes: Sequence[Note], width: int) -> Iterator[Text]:
     """The notes, their texts wrapped beside a column of labels."""
     indent = max((cell_len(note.label) for note in notes), default=0) + _GAP
     for note in notes:
-        lines = wrap(note.text, max(width - indent, _NARROWEST_NOTE), break_on_hyphens=False)
+        lines = wrap(harmless(note.text), max(width - indent, _NARROWEST_NOTE), break_on_hyphens=False)
         for index, line in enumerate(lines):
             yield Text(f"{'' if index else note.label:<{indent}}{line}", "dim")
 

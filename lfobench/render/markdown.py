@@ -6,6 +6,7 @@ import re
 
 from lfobench.render.cell_text import MISSING, cell_text
 from lfobench.render.table import Cell, ColumnKind, Table
+from lfobench.words import harmless
 
 _KINDS: dict[ColumnKind, tuple[str, str]] = {
     "actions": ("§", "has access to expert actions"),
@@ -48,4 +49,4 @@ def _cell(cell: Cell | None) -> str:
 def escape(text: str) -> str:
     """Text that Markdown shows as it is written, on one line."""
     # A "<" before a blank opens no tag; leaving it alone keeps "p < 0.05" readable as source.
-    return re.sub(r"([\\`*_\[\]>|~#&]|<(?! ))", r"\\\1", " ".join(text.split()))
+    return re.sub(r"([\\`*_\[\]>|~#&]|<(?! ))", r"\\\1", harmless(" ".join(text.split())))

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from html import escape
 from typing import TypeAlias
 
+from lfobench.words import harmless_lines
+
 _VOID = frozenset({"br", "col", "input", "meta"})
-
-# Controls have no meaning in a page, and overrides of the writing direction would reach beyond the name they are in.
-_UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
-
 
 class Markup(str):
     """Text that is HTML already."""
@@ -20,11 +17,6 @@ class Markup(str):
 
 
 Attribute: TypeAlias = str | float | bool | None
-
-
-def printable(text: str) -> str:
-    """`text` with control characters and overrides of the writing direction made visible."""
-    return _UNPRINTABLE.sub("\ufffd", text)
 
 
 def element(tag: str, /, *content: str, **attributes: Attribute) -> Markup:
@@ -39,7 +31,7 @@ def element(tag: str, /, *content: str, **attributes: Attribute) -> Markup:
 
 def joined(parts: Iterable[str]) -> Markup:
     """All parts one after the other; text among them is escaped."""
-    return Markup("".join(part if isinstance(part, Markup) else escape(printable(part), quote=False) for part in parts))
+    return Markup("".join(part if isinstance(part, Markup) else escape(harmless_lines(part), quote=False) for part in parts))
 
 
 def name_of(text: str) -> Markup:
@@ -54,4 +46,4 @@ def _attribute(key: str, value: Attribute) -> str:
     if value is True:
         return f" {name}"
     text = f"{value:g}" if isinstance(value, float) else str(value)
-    return f' {name}="{escape(printable(text))}"'
+    return f' {name}="{escape(harmless_lines(text))}"'

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -14,6 +12,7 @@ from rich.text import Text
 from lfobench.errors import UserError
 from lfobench.render import latex, markdown
 from lfobench.render.cell_text import MISSING, cell_text
+from lfobench.render.comma_separated import csv_text
 from lfobench.render.layout import Section, aligned, wrapped
 from lfobench.render.outcomes import Line, OutcomeTable
 from lfobench.render.table import Row
@@ -115,15 +114,13 @@ def _latex(table: OutcomeTable) -> str:
 
 
 def _comma_separated(table: OutcomeTable) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(FIELDS)
+    lines: list[Sequence[object]] = [FIELDS]
     for line in table.lines:
         if line.cell is None or not line.episodes:
             continue
         seeds = [line.cell.seeds, line.cell.diverged_seeds, line.cell.failed_seeds]
         for outcome in table.outcomes:
-            writer.writerow(
+            lines.append(
                 [
                     *(line.group, line.row.label, line.row.task),
                     *(line.column.label, line.column.method, line.column.preset),
@@ -132,7 +129,7 @@ def _comma_separated(table: OutcomeTable) -> str:
                     *(table.source, table.protocol),
                 ]
             )
-    return text.getvalue()
+    return csv_text(lines)
 
 
 def _json(table: OutcomeTable) -> str:
@@ -159,7 +156,7 @@ def _json(table: OutcomeTable) -> str:
         "rows": rows,
         "notes": [{"label": note.label, "text": note.text} for note in table.notes],
     }
-    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"
 
 
 FORMATS: dict[str, Callable[[OutcomeTable], str]] = {

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from lfobench.contract.record import Record
+from lfobench.contract.record import Record, usable
 from lfobench.contract.statistic import Statistic
 from lfobench.errors import UserError
 from lfobench.render.building import build_table
@@ -140,5 +139,4 @@ def _mapping(value: Any) -> Mapping[str, Any]:
 
 
 def _number(value: Any) -> float | None:
-    number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value >= 0
-    return float(value) if number else None
+    return float(value) if usable(value) and value >= 0 else None

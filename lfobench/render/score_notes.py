@@ -8,6 +8,7 @@ from lfobench.contract.record import Record
 from lfobench.render.counting import counts_successes, fixed_outcomes, further_outcomes, some_count_successes
 from lfobench.render.table import Note, Table
 from lfobench.render.wording import either
+from lfobench.words import short_number
 
 STATISTICS: dict[str, str] = {
     "last5": "mean of the last 5 evaluations",
@@ -53,7 +54,7 @@ def _references(records: Sequence[Record]) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:,.1f}".removesuffix(".0")
+    return short_number(value, ",.1f").removesuffix(".0")
 
 
 def _why_scores(records: Sequence[Record]) -> str:

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from lfobench.render.cell_text import MISSING, PLUS_MINUS, cell_text
 from lfobench.render.table import HIGHLIGHT_NOTE, Column, ColumnGroup, Table, column_groups
+from lfobench.words import harmless
 
 _GAP = 2
 _NARROWEST_NOTE = 20
@@ -140,5 +141,5 @@ def _notes(table: Table, highlight_mark: str, width: int) -> Iterator[Text]:
     labels = [note.label + highlight_mark * (note.label == HIGHLIGHT_NOTE) for note in table.notes]
     indent = max(map(cell_len, labels)) + _GAP
     for label, note in zip(labels, table.notes, strict=True):
-        for index, line in enumerate(wrap(note.text, max(width - indent, _NARROWEST_NOTE), break_on_hyphens=False)):
+        for index, line in enumerate(wrap(harmless(note.text), max(width - indent, _NARROWEST_NOTE), break_on_hyphens=False)):
             yield Text(f"{'' if index else label:<{indent}}{line}", "dim")

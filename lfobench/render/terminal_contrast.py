@@ -18,6 +18,7 @@ from lfobench.render.table import Cell, Note
 from lfobench.stats.comparison import PAIRED
 from lfobench.stats.contrast import Aggregate
 from lfobench.stats.intervals import Interval
+from lfobench.words import short_number
 
 _STYLES: dict[Verdict, str] = {"worse": "bold red", "better": "bold green"}
 _REASONS: dict[Verdict, str] = {
@@ -81,7 +82,7 @@ def _row(compared: Compared, name: CellName) -> list[str]:
         name_of(name),
         sizes[0] if sizes[0] == sizes[1] else ", ".join(sizes),
         *(str(cell_text(cell)) for cell in cells),
-        f"{judged.difference:+z.1f}{_ends(judged.interval, '+z.1f')}" if judged else "0",
+        f"{short_number(judged.difference, '+z.1f')}{_ends(judged.interval, '+z.1f')}" if judged else "0",
         _p(judged.p if judged else None),
         *corrected,
     ]
@@ -131,13 +132,13 @@ def _aggregated(aggregate: Aggregate[CellName], pairing: Pairing) -> str:
         f"over {count} {pairing.unit}{'' if count == 1 else 's'} with two seeds or more on both sides, a run of "
         f"{pairing.subject.heading} beats one of {pairing.reference.heading} with probability "
         f"{better.value:.2f}{_ends(better.interval, '.2f')}; the interquartile mean differs by "
-        f"{middle.value:+z.1f}{_ends(middle.interval, '+z.1f')}. Intervals by stratified bootstrap, too narrow for few "
+        f"{short_number(middle.value, '+z.1f')}{_ends(middle.interval, '+z.1f')}. Intervals by stratified bootstrap, too narrow for few "
         "seeds."
     )
 
 
 def _ends(interval: Interval | None, form: str) -> str:
-    return f" [{interval.low:{form}}, {interval.high:{form}}]" if interval else ""
+    return f" [{short_number(interval.low, form)}, {short_number(interval.high, form)}]" if interval else ""
 
 
 def _folder_notes(compared: Compared) -> Iterator[Note]:

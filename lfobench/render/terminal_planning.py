@@ -16,6 +16,7 @@ from lfobench.stats.comparison import FROM_SUMMARIES
 from lfobench.stats.feasibility import smallest_p
 from lfobench.stats.planning import BOUND, MOST, TaskPlan
 from lfobench.stats.summary import Summary
+from lfobench.words import short_number
 
 _UNKNOWN = "–"
 
@@ -62,7 +63,7 @@ def _row(plan: SeedPlan, task: PilotTask, figures: TaskPlan) -> list[str]:
 
 
 def _spread(summary: Summary) -> str:
-    return _UNKNOWN if summary.std is None else f"{summary.std:.1f}"
+    return _UNKNOWN if summary.std is None else short_number(summary.std)
 
 
 def _seeds(count: int | None) -> str:
@@ -70,7 +71,7 @@ def _seeds(count: int | None) -> str:
 
 
 def _points(difference: float | None) -> str:
-    return "nothing" if difference is None else f"{difference:.1f}"
+    return "nothing" if difference is None else short_number(difference)
 
 
 def planning_notes(plan: SeedPlan) -> Iterator[Note]:
@@ -98,7 +99,7 @@ def _cost(budget: Budget, workers: int) -> str:
 
 
 def _hours(hours: float) -> str:
-    return "less than 0.1 h" if hours < 0.05 else f"{hours:,.1f} h"
+    return "less than 0.1 h" if hours < 0.05 else f"{short_number(hours, ',.1f')} h"
 
 
 def _time_notes(plan: SeedPlan) -> Iterator[Note]:
@@ -138,7 +139,8 @@ def _figure_notes(plan: SeedPlan) -> Iterator[Note]:
 
 def _pilot_notes(plan: SeedPlan) -> Iterator[Note]:
     spreads = [
-        f"{cell.label} on {task.task} {summary.std:.1f} [{interval.low:.1f}, {interval.high:.1f}], n = {summary.n}"
+        f"{cell.label} on {task.task} {short_number(summary.std)} "
+        f"[{short_number(interval.low)}, {short_number(interval.high)}], n = {summary.n}"
         for task, figures in zip(plan.pilot.tasks, plan.tasks, strict=True)
         if figures.spreads is not None
         for cell, summary, interval in zip(

@@ -206,7 +206,8 @@ def _events(work: Sequence[Job], workers: int, stop: Callable[[], bool]) -> Iter
 
 
 def _kept(folder: RecordFolder, job: Job, ended: Ended) -> list[Path]:
-    """Where a crash's traceback is kept, for every run of the job that has left no record."""
-    if not ended.detail:
+    """Where it is kept that a job failed, for every run of it that has left no record."""
+    if ended.outcome != "failed":
         return []
-    return [write_failure(folder, run, ended.message, ended.detail) for run in job.runs if not folder.find(run)]
+    crashed = [run for run in job.runs if not folder.find(run)]
+    return [write_failure(folder, run, ended.message, ended.detail, ended.place) for run in crashed]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -13,7 +14,9 @@ from lfobench.plan.cells import Run
 from lfobench.store.folder import FAILURE_SUFFIX, RecordFolder
 
 
-def write_failure(folder: RecordFolder, run: Run, error: str, traceback: str) -> Path:
+def write_failure(
+    folder: RecordFolder, run: Run, error: str, traceback: str, place: Sequence[str] = ()
+) -> Path:
     """Keep what is known of a crashed run; a later crash of the same run takes its place."""
     path = folder.failure(run)
     failure = Failure(
@@ -21,6 +24,7 @@ def write_failure(folder: RecordFolder, run: Run, error: str, traceback: str) ->
         identity=run.identity,
         labels=run.cell.labels,
         error=error,
+        place=list(place),
         traceback=traceback.splitlines(),
     )
     write_text(path, failure.model_dump_json(indent=1) + "\n")

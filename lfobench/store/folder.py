@@ -72,7 +72,7 @@ class RecordFolder:
         return self.root / "policies" / safe_name(record.task) / safe_name(f"{name}.safetensors")
 
     def find(self, run: Run) -> Record | None:
-        """The run's record, if it is there and whole."""
+        """The run's record, if it is there and whole, as views take it (see `Record.bounded`)."""
         path = self.path(run)
         try:
             if not path.exists():
@@ -80,7 +80,7 @@ class RecordFolder:
         except OSError as error:
             raise UserError(f"Cannot look into {path.parent}: {error.strerror}.", "Choose another --out.") from error
         record = read_record(path)
-        return record if isinstance(record, Record) and record.identity_hash == run.identity_hash else None
+        return record.bounded() if isinstance(record, Record) and record.identity_hash == run.identity_hash else None
 
     def write(self, run: Run, record: Record) -> Path:
         """Store a record atomically."""
@@ -98,7 +98,7 @@ class RecordFolder:
         """Every result below the folder, and a warning for every JSON file there that is not one.
 
         A run leaves one record. Copies of it, as two merged folders have, count once; two records of one run that
-        differ in what they measured do not count at all.
+        differ in what they measured do not count at all. A run that exploded is one that diverged, with a warning.
 
         Raises:
             UserError: when the folder does not exist or cannot be looked into.
@@ -121,7 +121,8 @@ class RecordFolder:
             if contradict:
                 read.contradicted[identity] = paths
             else:
-                read.records.append(copies[0][1])
+                read.records.append(copies[0][1].bounded())
+                read.warnings += read.records[-1].warnings[len(copies[0][1].warnings) :]
         return read
 
     def files(self) -> list[Path]:

@@ -14,23 +14,36 @@ from pydantic import ValidationError
 
 from lfobench.contract.identity import first_problem
 from lfobench.contract.record import Record, Warning
+from lfobench.errors import UserError
 from lfobench.store.folder import RecordFolder, is_trial, read_record, warning_of_trial, warnings_of_copies
-from lfobench.store.index import Digest, RunFields, Stamp, digest, joined, read_index, write_index
+from lfobench.store.index import Digest, RunFields, Stamp, digest, joined, read_index, run_fields, write_index
+from lfobench.words import harmless
 
 RUN_COLUMNS = tuple(name for name in RunFields.model_fields if name not in ("random_return", "expert_return"))
 
 
-def load(path: str | Path, *, episodes: bool = False, fresh: bool = False) -> pd.DataFrame:
-    """The records below a folder as a tidy frame: one row per run and evaluation, or per episode.
+def load(
+    path: str | Path, *, episodes: bool = False, metrics: bool = False, fresh: bool = False
+) -> pd.DataFrame:
+    """The records below a folder as a tidy frame: one row per run and evaluation, or per episode, or of metrics.
 
     Columns: those of `RUN_COLUMNS`, which say what was run; then, per evaluation, ``step`` (gradient steps), ``score``
     (mean normalised score of its episodes), ``return`` and ``length`` (means), ``episodes`` (their number); or, per
     episode, ``step``, ``episode``, ``score``, ``return``, ``length``; and ``identity``, the hash that names the run.
     What is text is plain text, so that grouping gives the groups that are there and no others.
 
+    With `metrics`, one row per run, training ``stage`` and ``step`` (updates of that stage done) at which metrics were
+    written down, and one column per metric, which is the mean over the updates since the stage's previous row; NaN
+    where the method has no such metric or the mean was not finite. A metric of the name of another column has
+    ``metric_`` before its own. There is no column of scores: join the frame of evaluations on ``identity``.
+
     A run that diverged has status ``diverged`` and the evaluations before that. One that diverged before its first
     evaluation has one row, at the step where it diverged, without a score; ``episodes`` is 0. In a frame of episodes
-    such a row lacks ``episode`` and ``length`` too, which are then columns of floats.
+    such a row lacks ``episode`` and ``length`` too, which are then columns of floats. A run that exploded (an episode's
+    score beyond ±1e15) is one that diverged there; a warning names it.
+
+    Names are as the records have them: a frame's own ``to_csv`` escapes neither control characters nor cells that begin
+    like a formula, as ``lfobench table --format csv`` does.
 
     Records are verified when they are first read. A file whose size and times of modification and of change are as they
     were is not opened again, so whoever edits one and then restores all three (which takes setting the system's clock,
@@ -42,13 +55,20 @@ def load(path: str | Path, *, episodes: bool = False, fresh: bool = False) -> pd
         frame.groupby(["task", "method", "step"])["score"].mean()
 
     Raises:
-        UserError: no such folder.
+        UserError: no such folder, or both episodes and metrics are asked for.
     """
+    if episodes and metrics:
+        raise UserError("Rows of one frame are episodes or metrics, not both.", "Load two frames.")
     root = Path(path)
-    digests, problems = _read(root, fresh)
+    if metrics:
+        read = RecordFolder(root).read_all()
+        frame, problems = _metrics(read.records), read.warnings
+    else:
+        digests, problems = _read(root, fresh)
+        frame = _episodes(digests) if episodes else _evaluations(digests)
     for problem in problems:
-        warnings.warn(f"{problem.what} {problem.remedy}", stacklevel=2)
-    return _episodes(digests) if episodes else _evaluations(digests)
+        warnings.warn(harmless(f"{problem.what} {problem.remedy}"), stacklevel=2)
+    return frame
 
 
 def _read(root: Path, fresh: bool) -> tuple[list[Digest], list[Warning]]:
@@ -74,6 +94,7 @@ def _read(root: Path, fresh: bool) -> tuple[list[Digest], list[Warning]]:
         problems += warnings_of_copies([file for file, _ in copies], contradict)
         if not contradict:
             chosen.append(copies[0][1])
+            problems += [each for each in [chosen[-1].explosion] if each is not None]
     return chosen, problems
 
 
@@ -104,7 +125,7 @@ def _evaluations(digests: Sequence[Digest]) -> pd.DataFrame:
         _means(joined([getattr(each, name) for each in digests], np.float64), episodes)
         for name in ("returns", "lengths")
     )
-    frame = _runs(digests, counts)
+    frame = _runs([each.fields for each in digests], counts)
     frame["step"] = joined([each.steps for each in digests], np.int64)
     frame["score"] = _scores(digests, counts, means)
     frame["return"] = means
@@ -121,7 +142,7 @@ def _episodes(digests: Sequence[Digest]) -> pd.DataFrame:
     evaluated = np.repeat(episodes > 0, rows)
     counts = np.array([np.maximum(each.episodes, 1).sum() for each in digests], np.int64)
     returns = _where(evaluated, joined([each.returns for each in digests], np.float64))
-    frame = _runs(digests, counts)
+    frame = _runs([each.fields for each in digests], counts)
     frame["step"] = np.repeat(joined([each.steps for each in digests], np.int64), rows)
     frame["episode"] = _where(evaluated, (np.arange(len(evaluated)) - np.repeat(starts, rows))[evaluated])
     frame["score"] = _scores(digests, counts, returns)
@@ -131,10 +152,25 @@ def _episodes(digests: Sequence[Digest]) -> pd.DataFrame:
     return frame
 
 
-def _runs(digests: Sequence[Digest], counts: NDArray[np.int64]) -> pd.DataFrame:
-    return pd.DataFrame(
-        {name: _repeated([getattr(each.fields, name) for each in digests], counts) for name in RUN_COLUMNS}
-    )
+def _metrics(records: Sequence[Record]) -> pd.DataFrame:
+    counts = _counts([record.metrics for record in records])
+    rows = [row for record in records for row in record.metrics]
+    frame = _runs([run_fields(record) for record in records], counts)
+    frame["stage"] = _repeated([row.stage for row in rows], np.ones(len(rows), np.int64))
+    frame["step"] = np.array([row.step for row in rows], np.int64)
+    fixed = {*frame.columns, "identity"}
+    names = dict.fromkeys(name for row in rows for name in row.values)
+    values = {
+        f"metric_{name}" if name in fixed else name: np.array([row.values.get(name) for row in rows], np.float64)
+        for name in names
+    }
+    identity = _repeated([record.identity_hash for record in records], counts)
+    # All at once: a frame that grows by a hundred columns is copied as often.
+    return pd.concat([frame, pd.DataFrame({**values, "identity": identity})], axis=1)
+
+
+def _runs(runs: Sequence[RunFields], counts: NDArray[np.int64]) -> pd.DataFrame:
+    return pd.DataFrame({name: _repeated([getattr(each, name) for each in runs], counts) for name in RUN_COLUMNS})
 
 
 def _means(values: NDArray[np.float64], counts: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt
 
-from lfobench.contract.record import Metrics, Record, Status, canonical_json
+from lfobench.contract.record import Metrics, Record, Status, Warning, canonical_json
 from lfobench.errors import UserError
 from lfobench.files import cache_folder, replacing
 
@@ -93,6 +93,7 @@ class Digest:
         episodes: episodes of every evaluation ``[E]``; where there is none, 0 ``[1]``.
         returns: raw return of every episode, evaluation after evaluation ``[N]``.
         lengths: steps of every episode ``[N]``.
+        explosion: the warning of a run that exploded, whose evaluations end before that.
     """
 
     stamp: Stamp
@@ -103,6 +104,7 @@ class Digest:
     episodes: NDArray[np.int64]
     returns: NDArray[np.float64]
     lengths: NDArray[np.int64]
+    explosion: Warning | None = None
 
 
 def digest(record: Record, stamp: Stamp) -> Digest:
@@ -111,8 +113,29 @@ def digest(record: Record, stamp: Stamp) -> Digest:
     Raises:
         ValueError: it holds what no run leaves: episodes with a return and no length, a number beyond 64 bits.
     """
-    identity, labels, evaluations = record.identity, record.labels, record.evaluations
-    fields = RunFields(
+    arrays = _arrays(record)
+    said = [each.outcomes for each in record.evaluations]
+    told = [record.status, record.diverged_at, len(arrays[0]), len(arrays[2]), said]
+    further = None if record.further is None else record.further.model_dump(mode="json")
+    outcome = hashlib.sha256(canonical_json([*told, further]).encode())
+    for part in arrays:
+        outcome.update(part.tobytes())
+    _add_metrics(outcome, record.metrics)
+    bounded = record.bounded()
+    explosion = None
+    if bounded is not record:
+        arrays, explosion = _arrays(bounded), bounded.warnings[-1]
+    return Digest(stamp, record.identity_hash, outcome.hexdigest(), run_fields(bounded), *arrays, explosion)
+
+
+def run_fields(record: Record) -> RunFields:
+    """What was run.
+
+    Raises:
+        ValueError: a number is beyond 64 bits.
+    """
+    identity, labels = record.identity, record.labels
+    return RunFields(
         suite=labels.suite,
         group=labels.group,
         row=labels.row,
@@ -132,6 +155,11 @@ def digest(record: Record, stamp: Stamp) -> Digest:
         random_return=identity["environment"]["random_return"],
         expert_return=identity["environment"]["expert_return"],
     )
+
+
+def _arrays(record: Record) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+    """Steps, episodes, returns and lengths, as of `Digest`."""
+    evaluations = record.evaluations
     if not evaluations and record.diverged_at is None:
         raise ValueError("it holds no evaluation and does not say when it diverged")
     try:
@@ -141,14 +169,7 @@ def digest(record: Record, stamp: Stamp) -> Digest:
         raise ValueError("a step or a length needs more than 64 bits") from error
     episodes = np.array([len(each.returns) for each in evaluations] or [0], np.int64)
     returns = np.array([value for each in evaluations for value in each.returns], np.float64)
-    said = [each.outcomes for each in evaluations]
-    told = [record.status, record.diverged_at, len(steps), len(returns), said]
-    further = None if record.further is None else record.further.model_dump(mode="json")
-    outcome = hashlib.sha256(canonical_json([*told, further]).encode())
-    for part in (steps, episodes, returns, lengths):
-        outcome.update(part.tobytes())
-    _add_metrics(outcome, record.metrics)
-    return Digest(stamp, record.identity_hash, outcome.hexdigest(), fields, steps, episodes, returns, lengths)
+    return steps, episodes, returns, lengths
 
 
 def _add_metrics(outcome: hashlib._Hash, metrics: Sequence[Metrics]) -> None:
@@ -180,10 +201,11 @@ class _Entry(_Model):
     fields: RunFields
     evaluations: NonNegativeInt
     episodes: NonNegativeInt
+    explosion: Warning | None
 
 
 class _Header(_Model):
-    version: Literal[2] = 2
+    version: Literal[3] = 3
     records: list[_Entry]
 
 
@@ -211,6 +233,7 @@ def write_index(root: Path, digests: Mapping[str, Digest]) -> None:
                 fields=each.fields,
                 evaluations=len(each.steps),
                 episodes=len(each.returns),
+                explosion=each.explosion,
             )
             for each in found
         ]
@@ -249,6 +272,7 @@ def _unpacked(entries: Sequence[_Entry], arrays: Mapping[str, NDArray[Any]]) -> 
             arrays["episodes"][first:last],
             arrays["returns"][start:end],
             arrays["lengths"][start:end],
+            each.explosion,
         )
         for each, first, last, start, end in zip(
             entries, evaluations, evaluations[1:], episodes, episodes[1:], strict=False

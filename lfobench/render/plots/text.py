@@ -7,13 +7,15 @@ import textwrap
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
+from lfobench.words import harmless
+
 LINE_SPACING = 1.2
 """Distance of two lines of text, in sizes of the text."""
 
 
 def plain(text: str) -> str:
-    """`text` on one line; characters that cannot be printed, which SVG does not allow, become a replacement sign."""
-    return "".join(character if character.isprintable() else "\ufffd" for character in " ".join(text.split()))
+    """`text` on one line; characters that cannot be printed, which SVG does not allow, are escaped."""
+    return harmless(" ".join(text.split()))
 
 
 def text_width(text: str, size: float) -> float:

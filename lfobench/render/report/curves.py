@@ -14,6 +14,7 @@ from lfobench.render.plots.compared import demonstration_score
 from lfobench.render.plots.learning import DIVERGED_SCORE, Curve, evaluated, learning_curve
 from lfobench.render.plots.style import Look, looks
 from lfobench.render.table import Column, Row, Table
+from lfobench.words import short_number
 
 WIDTH, HEIGHT = 300.0, 190.0
 LEFT, RIGHT, TOP, BOTTOM = 40.0, 10.0, 10.0, 34.0
@@ -185,7 +186,7 @@ def _svg(row: Row, panel: Panel, chosen: Mapping[Column, Look], demonstration: f
             )
         )
         parts += [_cross(axes.x(step), axes.y(DIVERGED_SCORE), look.colour) for step in curve.diverged]
-    named = ", ".join(f"{column.label} {curve.means[-1]:z.1f}" for column, curve in panel.curves.items() if curve.means)
+    named = ", ".join(f"{column.label} {short_number(curve.means[-1])}" for column, curve in panel.curves.items() if curve.means)
     return element(
         "svg",
         joined(parts),

@@ -89,7 +89,9 @@ function cellCurves(evidence, row, column, cell) {
   );
 }
 
+// As `short_number` in Python: two digits and a power of ten from a million on.
 function decimals(value, digits) {
+  if (Math.abs(value) >= 1e6) return value.toExponential(1).replace("e+", "e").replace("-", "−");
   const text = value.toFixed(digits);
   return (Number(text) === 0 ? (0).toFixed(digits) : text).replace("-", "−");
 }

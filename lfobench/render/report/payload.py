@@ -12,7 +12,7 @@ from lfobench.render.cell_text import LOST
 from lfobench.render.footnote import seeds_note
 from lfobench.render.highlight_note import CORRECTIONS, SCOPES
 from lfobench.render.highlight_note import TESTS as WORDS
-from lfobench.render.markup import Markup, printable
+from lfobench.render.markup import Markup
 from lfobench.render.plots.compared import demonstration_score
 from lfobench.render.plots.style import Look
 from lfobench.render.report.curves import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Panel, dashes
@@ -22,6 +22,7 @@ from lfobench.render.table import HIGHLIGHT_NOTE, Cell, Column, Row, Table
 from lfobench.stats.comparison import PAIRED
 from lfobench.stats.intervals import t_interval
 from lfobench.stats.names import Test
+from lfobench.words import harmless_lines
 
 LEVEL = 0.95
 _DIGITS = 2
@@ -55,16 +56,16 @@ def payload(evidence: Evidence, panels: Sequence[Panel], looks: Mapping[Column, 
 
 def as_json(value: Any) -> Markup:
     """`value` as JSON without a character that could end the script, begin a comment or break a line of code."""
-    text = json.dumps(_printable(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(_harmless(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(re.sub("[<>&\u2028\u2029]", lambda found: f"\\u{ord(found[0]):04x}", text))
 
 
-def _printable(value: Any) -> Any:
+def _harmless(value: Any) -> Any:
     if isinstance(value, str):
-        return printable(value)
+        return harmless_lines(value)
     if isinstance(value, Mapping):
-        return {_printable(key): _printable(each) for key, each in value.items()}
-    return [_printable(each) for each in value] if isinstance(value, list | tuple) else value
+        return {_harmless(key): _harmless(each) for key, each in value.items()}
+    return [_harmless(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def _column(column: Column, look: Look) -> dict[str, Any]:

@@ -55,7 +55,7 @@ def _diverged(records: Sequence[Record]) -> Markup:
         element(
             "li",
             name_of(_place(record)),
-            f": a value was not finite at step {record.diverged_at:,}" if record.diverged_at is not None else "",
+            f": at step {record.diverged_at:,}" if record.diverged_at is not None else "",
         )
         for record in records
     ]

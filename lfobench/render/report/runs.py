@@ -6,12 +6,13 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from lfobench.contract.record import Record
+from lfobench.contract.record import Record, usable
 from lfobench.contract.statistic import Statistic
 from lfobench.render.cell_text import MISSING
 from lfobench.render.columns import arrange_columns
 from lfobench.render.markup import Markup, element, name_of
 from lfobench.render.table import Table
+from lfobench.words import short_number
 
 _SHORT = 12
 """Characters of a hash in a table; enough to tell any two apart, and to find a record's file by."""
@@ -106,7 +107,7 @@ def wall_time(record: Record) -> float | None:
     seconds = record.provenance.get("seconds")
     if not isinstance(seconds, Mapping):
         return None
-    known = [value for value in seconds.values() if isinstance(value, int | float)]
+    known = [value for value in seconds.values() if usable(value)]
     return float(sum(known)) if known else None
 
 
@@ -132,7 +133,7 @@ def _row(label: str, record: Record, statistic: Statistic, software: Numbered, d
         element("td", name_of(record.task)),
         element("td", str(record.seed), class_="number"),
         element("td", status, class_="warned" if record.status == "diverged" else None),
-        element("td", f"{score:z.1f}", class_="number", data_value=repr(score)),
+        element("td", short_number(score), class_="number", data_value=repr(score)),
         element("td", f"{steps:,}", class_="number", data_value=str(steps)),
         element(
             "td",

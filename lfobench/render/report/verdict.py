@@ -15,6 +15,7 @@ from lfobench.stats.aggregates import interquartile_mean, probability_of_improve
 from lfobench.stats.highlight import Outcome, Rule
 from lfobench.stats.intervals import Estimate
 from lfobench.stats.power import detectable_effect
+from lfobench.words import short_number
 
 LEVEL = 0.95
 REPLICATES = 10_000
@@ -244,5 +245,8 @@ def _bootstrap() -> str:
 
 def _estimate(estimate: Estimate, digits: int) -> str:
     interval = estimate.interval
-    ends = f" [{interval.low:z.{digits}f}, {interval.high:z.{digits}f}]" if interval else " (no interval)"
-    return f"{estimate.value:z.{digits}f}{ends}"
+    form = f"z.{digits}f"
+    ends = (
+        f" [{short_number(interval.low, form)}, {short_number(interval.high, form)}]" if interval else " (no interval)"
+    )
+    return f"{short_number(estimate.value, form)}{ends}"
