@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lfobench.cli import options
 from lfobench.cli.console import one_line, output, print_json
@@ -18,8 +18,9 @@ def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False
 
     Example: lfobench status --out runs
     """
-    from rich.table import Table
+    from itertools import groupby
 
+    from lfobench.render.layout import Section, aligned
     from lfobench.store.failures import read_failures
     from lfobench.store.folder import RecordFolder
 
@@ -41,13 +42,14 @@ def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False
     if as_json:
         print_json({"cells": rows, "runs_in_progress": checkpoints})
         return
-    table = Table()
-    for header in ("task", "method", "preset", "protocol", "seeds finished", "seeds diverged", "seeds crashed"):
-        # Folded, never cut: a name that ends in dots cannot be typed.
-        table.add_column(header, overflow="fold")
-    for row in rows:
-        table.add_row(*(one_line(_cell(value)) for value in row.values()))
-    output.print(table)
+    names = [", ".join(row[name] for name in ("method", "preset", "protocol")) for row in rows]
+    seeds = [[", ".join(map(str, row[how])) for how in ("finished", "diverged", "crashed")] for row in rows]
+    sections = [
+        Section(task, "bold", [[names[index], *seeds[index]] for index, _ in of_task])
+        for task, of_task in groupby(enumerate(rows), key=lambda each: each[1]["task"])
+    ]
+    for line in aligned(["finished", "diverged", "crashed"], sections, output.width):
+        output.print(line, soft_wrap=True)
     crashed = f"{len(failures)} crashed runs, " if failures else ""
     output.print(f"{len(read.records)} records, {crashed}{checkpoints} runs interrupted or in progress")
     for failure in failures:
@@ -127,6 +129,3 @@ def _budget(record: Record | Failure) -> str:
     protocol = record.identity["protocol"]
     return f"{protocol['name']}, {protocol['steps']:,} steps" if protocol["steps_assigned"] else str(protocol["name"])
 
-
-def _cell(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

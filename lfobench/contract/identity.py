@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, FiniteFloat, Strict, StrictBool, StrictInt, ValidationError, model_validator
 
-
 LARGEST_REFERENCE = 1e100
 """Either way, of a reference return; sums and squares of returns near larger ones leave the range of float64."""
 

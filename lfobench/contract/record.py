@@ -244,8 +244,8 @@ class Record(_Model):
             if enormous is not None:
                 what = (
                     f"{self.method} on {self.task}, seed {self.seed} exploded: an episode at step {evaluation.step:,} "
-                    f"returned {short_number(enormous)}, a score beyond ±{short_number(LARGEST_SCORE)}, so the run counts as "
-                    "diverged there."
+                    f"returned {short_number(enormous)}, a score beyond ±{short_number(LARGEST_SCORE)}, so the run "
+                    "counts as diverged there."
                 )
                 warning = Warning(what=what, remedy="Its record keeps every return.")
                 return self.model_copy(

@@ -16,7 +16,6 @@ from lfobench.render.footnote import footnote
 from lfobench.render.table import Block, Cell, Column, Row, Table, competes
 from lfobench.stats.highlight import DEFAULT_RULE, Rule, highlights
 from lfobench.stats.sample import Sample, sample_of
-from lfobench.words import harmless
 
 Cells = dict[Column, Cell]
 
@@ -145,7 +144,7 @@ def _rows(cells: Mapping[str, Cells], rule: Rule, others: Mapping[str, Cells], c
         shown = marked | others.get(task, {})
         rows.append(
             Row(
-                harmless(task),
+                task,
                 task,
                 tuple(shown.get(column) for column in columns),
                 outcome.outcome,
@@ -168,10 +167,10 @@ def _blocks(rows: Sequence[Row], example: Mapping[str, Record]) -> tuple[Block, 
         groups.setdefault(example[row.task].labels.group, []).append(row)
     return tuple(
         Block(
-            harmless(group),
+            group,
             # Two suites may use one short name in one group; the task's full name tells them apart.
             tuple(
-                row if shorts.count(short) > 1 else replace(row, label=harmless(short))
+                row if shorts.count(short) > 1 else replace(row, label=short)
                 for row, short in zip(members, shorts, strict=True)
             ),
         )

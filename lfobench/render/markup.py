@@ -10,6 +10,7 @@ from lfobench.words import harmless_lines
 
 _VOID = frozenset({"br", "col", "input", "meta"})
 
+
 class Markup(str):
     """Text that is HTML already."""
 
@@ -31,7 +32,9 @@ def element(tag: str, /, *content: str, **attributes: Attribute) -> Markup:
 
 def joined(parts: Iterable[str]) -> Markup:
     """All parts one after the other; text among them is escaped."""
-    return Markup("".join(part if isinstance(part, Markup) else escape(harmless_lines(part), quote=False) for part in parts))
+    return Markup(
+        "".join(part if isinstance(part, Markup) else escape(harmless_lines(part), quote=False) for part in parts)
+    )
 
 
 def name_of(text: str) -> Markup:

@@ -45,8 +45,8 @@ class _Drawing:
     def __init__(self, table: Table, highlight_mark: str) -> None:
         self.table = table
         self.cells = [_aligned_cells(table, index, highlight_mark) for index in range(len(table.columns))]
-        blocks = [cell_len(block.label) for block in table.blocks]
-        self.stub_width = max(*blocks, *(cell_len(row.label) + _GAP for _, row in table.rows()))
+        blocks = [cell_len(harmless(block.label)) for block in table.blocks]
+        self.stub_width = max(*blocks, *(cell_len(harmless(row.label)) + _GAP for _, row in table.rows()))
 
     def parts(self, width: int) -> Iterator[tuple[int, int]]:
         """Ranges of columns that fit `width` beside the row labels; at least one column each."""
@@ -65,9 +65,11 @@ class _Drawing:
         yield rule
         position = 0
         for block in self.table.blocks:
-            yield Text(block.label, "bold", no_wrap=True)
+            yield Text(harmless(block.label), "bold", no_wrap=True)
             for row in block.rows:
-                yield self._line(" " * _GAP + row.label, [cells[position] for cells in self.cells[start:stop]], widths)
+                yield self._line(
+                    " " * _GAP + harmless(row.label), [cells[position] for cells in self.cells[start:stop]], widths
+                )
                 position += 1
         yield rule
 
@@ -141,5 +143,7 @@ def _notes(table: Table, highlight_mark: str, width: int) -> Iterator[Text]:
     labels = [note.label + highlight_mark * (note.label == HIGHLIGHT_NOTE) for note in table.notes]
     indent = max(map(cell_len, labels)) + _GAP
     for label, note in zip(labels, table.notes, strict=True):
-        for index, line in enumerate(wrap(harmless(note.text), max(width - indent, _NARROWEST_NOTE), break_on_hyphens=False)):
+        for index, line in enumerate(
+            wrap(harmless(note.text), max(width - indent, _NARROWEST_NOTE), break_on_hyphens=False)
+        ):
             yield Text(f"{'' if index else label:<{indent}}{line}", "dim")

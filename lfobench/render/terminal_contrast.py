@@ -132,8 +132,8 @@ def _aggregated(aggregate: Aggregate[CellName], pairing: Pairing) -> str:
         f"over {count} {pairing.unit}{'' if count == 1 else 's'} with two seeds or more on both sides, a run of "
         f"{pairing.subject.heading} beats one of {pairing.reference.heading} with probability "
         f"{better.value:.2f}{_ends(better.interval, '.2f')}; the interquartile mean differs by "
-        f"{short_number(middle.value, '+z.1f')}{_ends(middle.interval, '+z.1f')}. Intervals by stratified bootstrap, too narrow for few "
-        "seeds."
+        f"{short_number(middle.value, '+z.1f')}{_ends(middle.interval, '+z.1f')}. Intervals "
+        "by stratified bootstrap, too narrow for few seeds."
     )
 
 

@@ -14,9 +14,7 @@ from lfobench.plan.cells import Run
 from lfobench.store.folder import FAILURE_SUFFIX, RecordFolder
 
 
-def write_failure(
-    folder: RecordFolder, run: Run, error: str, traceback: str, place: Sequence[str] = ()
-) -> Path:
+def write_failure(folder: RecordFolder, run: Run, error: str, traceback: str, place: Sequence[str] = ()) -> Path:
     """Keep what is known of a crashed run; a later crash of the same run takes its place."""
     path = folder.failure(run)
     failure = Failure(

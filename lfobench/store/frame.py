@@ -22,9 +22,7 @@ from lfobench.words import harmless
 RUN_COLUMNS = tuple(name for name in RunFields.model_fields if name not in ("random_return", "expert_return"))
 
 
-def load(
-    path: str | Path, *, episodes: bool = False, metrics: bool = False, fresh: bool = False
-) -> pd.DataFrame:
+def load(path: str | Path, *, episodes: bool = False, metrics: bool = False, fresh: bool = False) -> pd.DataFrame:
     """The records below a folder as a tidy frame: one row per run and evaluation, or per episode, or of metrics.
 
     Columns: those of `RUN_COLUMNS`, which say what was run; then, per evaluation, ``step`` (gradient steps), ``score``

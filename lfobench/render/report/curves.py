@@ -186,7 +186,9 @@ def _svg(row: Row, panel: Panel, chosen: Mapping[Column, Look], demonstration: f
             )
         )
         parts += [_cross(axes.x(step), axes.y(DIVERGED_SCORE), look.colour) for step in curve.diverged]
-    named = ", ".join(f"{column.label} {short_number(curve.means[-1])}" for column, curve in panel.curves.items() if curve.means)
+    named = ", ".join(
+        f"{column.label} {short_number(curve.means[-1])}" for column, curve in panel.curves.items() if curve.means
+    )
     return element(
         "svg",
         joined(parts),

@@ -17,13 +17,13 @@ from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record
 from lfobench.render.building import build_table
 from lfobench.render.highlight_note import highlight_notes
-from lfobench.render.markup import printable
 from lfobench.render.report.evidence import Evidence, gather
 from lfobench.render.report.page import report
 from lfobench.render.report.reproduce import knobs
 from lfobench.render.report.verdict import REACHABLE, how, pairs_how, sentence
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.names import Correction, Scope, Test
+from lfobench.words import harmless_lines
 
 playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright (the dev extra)")
 
@@ -153,8 +153,8 @@ def expected(evidence: Evidence) -> dict[str, Any]:
     return {
         "highlighted": [place for place, cell in cells if cell.highlighted],
         "lost": [place for place, cell in cells if cell.lost],
-        "notes": [[printable(note.label), printable(note.text)] for note in table.notes],
-        "verdict": printable(sentence(table)),
+        "notes": [[harmless_lines(note.label), harmless_lines(note.text)] for note in table.notes],
+        "verdict": harmless_lines(sentence(table)),
         "how": how(table),
         "pairsHow": pairs_how(table.rule),
         "design": design[0] if design else REACHABLE,
@@ -310,7 +310,7 @@ def test_without_its_script_the_page_is_the_table_of_the_command_line(
     for visiting in visit(browser, file, java_script_enabled=False):
         page = visiting.page
         assert page.locator("#knobs").is_hidden()
-        assert page.locator("#verdict").inner_text() == printable(sentence(table))
+        assert page.locator("#verdict").inner_text() == harmless_lines(sentence(table))
         assert page.locator("#scores td.highlighted").count() == sum(
             cell is not None and cell.highlighted for _, _, cell in table.cells()
         )

@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record, Warning
 from lfobench.render.building import build_table
-from lfobench.render.markup import printable
 from lfobench.render.report.curves import ticks
 from lfobench.render.report.evidence import gather
 from lfobench.render.report.page import report
@@ -29,6 +28,7 @@ from lfobench.stats.comparison import p_value
 from lfobench.stats.contrast import contrast
 from lfobench.stats.highlight import Rule
 from lfobench.stats.names import Correction, Test
+from lfobench.words import harmless_lines
 
 VOID = {"br", "col", "input", "meta"}
 
@@ -134,7 +134,7 @@ def test_every_run_is_listed_with_its_identity(read: Balance, page: str, records
     assert "0123456789ab" in read.text
 
 
-TEXTS = st.text(st.characters() | st.sampled_from("<>&/!-\u2028\u2029"), max_size=20).map(printable)
+TEXTS = st.text(st.characters() | st.sampled_from("<>&/!-\u2028\u2029"), max_size=20).map(harmless_lines)
 JSON_VALUES = st.recursive(
     st.none() | st.integers(-5, 5) | TEXTS,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(TEXTS, inner, max_size=3),
