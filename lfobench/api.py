@@ -117,24 +117,26 @@ def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:
         "source": filters.get("source"),
         "preset": filters.get("preset"),
     }
-    records = select(read.records, **wanted)
+    records, failed = select(read.records, **wanted), select(failures, **wanted)
     columns = split_names(filters.get("methods") or "")
-    present = {record.method for record in records}
+    present = {record.method for record in records} | {failure.method for failure in failed}
     for column in columns:
         if column not in present:
             raise unknown_name("method among these records", column, present)
-    if read.records and not records:
+    if read.records and not records and not failed:
         raise UserError(
             f"None of the {len(read.records)} records in {out} passes the filters.",
             f"'lfobench status --out {out}' lists what is there.",
         )
     if columns:
         records = [record for record in records if record.method in columns]
-    registered = load_suites(set() if given else {record.labels.suite for record in records})
+        failed = [failure for failure in failed if failure.method in columns]
+    suites = {record.labels.suite for record in records} | {failure.labels.suite for failure in failed}
+    registered = load_suites(set() if given else suites)
     known = [given] if given else registered.loaded.values()
     return Selection(
         records,
-        select(failures, **wanted),
+        failed,
         [*read.warnings, *unread, *registered.broken],
         [task.name for known_suite in known for task in known_suite.tasks],
         columns or COLUMN_ORDER,

@@ -13,12 +13,16 @@ if TYPE_CHECKING:
     from lfobench.contract.record import Record
 
 
+ENDS = ("finished", "diverged", "crashed")
+"""How a run can end."""
+
+
 def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False) -> None:
     """What is in a folder of records: seeds done per cell, diverged and crashed seeds, runs in progress.
 
     Example: lfobench status --out runs
     """
-    from itertools import groupby
+    from bisect import insort
 
     from lfobench.render.layout import Section, aligned
     from lfobench.store.failures import read_failures
@@ -28,33 +32,27 @@ def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False
     read = folder.read_all()
     failures, unread = read_failures(folder, read.records)
     cells: dict[tuple[str, ...], dict[str, list[int]]] = {}
-    ended = [(run, run.status) for run in read.records] + [(failure, "crashed") for failure in failures]
-    for run, how in ended:
+    ended: list[tuple[Record | Failure, str]] = [(record, record.status) for record in read.records]
+    for run, how in [*ended, *((failure, "crashed") for failure in failures)]:
         key = (run.task, run.method, _variant(run), _budget(run))
-        cells.setdefault(key, {"finished": [], "diverged": [], "crashed": []})[how].append(run.seed)
+        insort(cells.setdefault(key, {each: [] for each in ENDS})[how], run.seed)
     checkpoints = len(list((out / "checkpoints").glob("*.safetensors")))
-    rows = [
-        dict(zip(("task", "method", "preset", "protocol"), key, strict=True))
-        | {name: sorted(seeds) for name, seeds in found.items()}
-        for key, found in sorted(cells.items())
-    ]
     warn([*read.warnings, *unread])
     if as_json:
+        names = ("task", "method", "preset", "protocol")
+        rows = [{**dict(zip(names, key, strict=True)), **found} for key, found in sorted(cells.items())]
         print_json({"cells": rows, "runs_in_progress": checkpoints})
         return
-    names = [", ".join(row[name] for name in ("method", "preset", "protocol")) for row in rows]
-    seeds = [[", ".join(map(str, row[how])) for how in ("finished", "diverged", "crashed")] for row in rows]
-    sections = [
-        Section(task, "bold", [[names[index], *seeds[index]] for index, _ in of_task])
-        for task, of_task in groupby(enumerate(rows), key=lambda each: each[1]["task"])
-    ]
-    for line in aligned(["finished", "diverged", "crashed"], sections, output.width):
-        output.print(line, soft_wrap=True)
+    by_task: dict[str, list[list[str]]] = {}
+    for (task, *what), found in sorted(cells.items()):
+        by_task.setdefault(task, []).append([", ".join(what), *(", ".join(map(str, found[how])) for how in ENDS)])
+    for text in aligned(ENDS, [Section(task, "bold", lines) for task, lines in by_task.items()], output.width):
+        output.print(text, soft_wrap=True)
     crashed = f"{len(failures)} crashed runs, " if failures else ""
     output.print(f"{len(read.records)} records, {crashed}{checkpoints} runs interrupted or in progress")
-    for failure in failures:
-        what = f"{failure.method} on {failure.task}, seed {failure.seed}: {failure.error}"
-        output.print(f"[red]Crashed:[/] {one_line(what)}", soft_wrap=True)
+    for failure in sorted(failures, key=lambda each: (each.task, each.method, each.seed)):
+        message = f"{failure.method} on {failure.task}, seed {failure.seed}: {failure.error}"
+        output.print(f"[red]Crashed:[/] {one_line(message)}", soft_wrap=True)
         for line in failure.place[-1:]:
             output.print(f"         {one_line(line)}", soft_wrap=True)
 
@@ -128,4 +126,3 @@ def _budget(record: Record | Failure) -> str:
     """The protocol, with the steps if ``--steps`` chose them: ``quick, 24,000 steps``."""
     protocol = record.identity["protocol"]
     return f"{protocol['name']}, {protocol['steps']:,} steps" if protocol["steps_assigned"] else str(protocol["name"])
-

@@ -6,16 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from lfobench.contract.failure import Failure
-from lfobench.contract.record import Record, usable
+from lfobench.contract.record import Labels, Record, usable
 from lfobench.contract.statistic import HEADLINE, Statistic
 from lfobench.errors import UserError
-from lfobench.render.columns import arrange_columns, column_of_failure
+from lfobench.render.columns import arrange_columns, column_of_failure, crashed_columns, fits_row, in_order
 from lfobench.render.conditions import check_cell, check_unmixed
 from lfobench.render.counting import check_counts, scores_are_success_rates, successes_of
 from lfobench.render.footnote import footnote
 from lfobench.render.table import Block, Cell, Column, Row, Table, competes
 from lfobench.stats.highlight import DEFAULT_RULE, Rule, highlights
 from lfobench.stats.sample import Sample, sample_of
+from lfobench.words import counted
 
 Cells = dict[Column, Cell]
 
@@ -36,12 +37,20 @@ def build_table(
         rule: what is highlighted; its test decides whether cells show scores or success counts.
         tasks: names in row order; tasks not named follow as they first appear.
         methods: names in column order, inside each column group; the others follow as they first appear.
-        failures: runs that crashed; counted in the cells that they belong to, where the table has such cells.
+        failures: runs that crashed; those of other conditions are left out. A task or a method without any record has
+            its row or column of crashed cells.
 
     Raises:
         UserError: there are no records, they must not share a table (see `conditions`), or the rule's test cannot
             be made with them.
     """
+    if not records and failures:
+        first = failures[0]
+        raise UserError(
+            f"There is no score: {counted(len(failures), 'run')} crashed and none is done, e.g. {first.method} on "
+            f"{first.task}, seed {first.seed}: {first.error}.",
+            "'lfobench status' lists them.",
+        )
     if not records:
         raise UserError("There are no records to make a table of.", "Run `lfobench run` first.")
     check_unmixed(records)
@@ -49,7 +58,8 @@ def build_table(
     if counts:
         check_counts(records, statistic)
     columns = arrange_columns(records, methods)
-    ordered = _in_order([record.task for record in records], tasks)
+    crashes = _crashes(failures, records, columns)
+    ordered = _in_order([*(record.task for record in records), *(each.task for each, _ in crashes)], tasks)
     cells = {
         task: {
             column: _cell(members, statistic, counts)
@@ -58,13 +68,15 @@ def build_table(
         }
         for task in ordered
     }
-    failed = _failed_cells(failures, columns, cells)
+    failed = _failed_cells(crashes, cells)
     expert = _expert_cells(records)
-    shown = [*columns, *dict.fromkeys(column for row in expert.values() for column in row)]
+    run_here = in_order(dict.fromkeys([*columns, *(column for _, column in crashes)]), methods)
+    shown = [*run_here, *dict.fromkeys(column for row in expert.values() for column in row)]
     rows = _rows({task: cells[task] | failed.get(task, {}) for task in ordered}, rule, expert, shown)
+    crashed = {failure.task: failure.labels for failure, _ in crashes}
     table = Table(
         columns=tuple(shown),
-        blocks=_blocks(rows, {record.task: record for record in records}),
+        blocks=_blocks(rows, crashed | {record.task: record.labels for record in records}),
         notes=(),
         statistic=statistic,
         rule=rule,
@@ -102,15 +114,27 @@ def _start_scores(records: Sequence[Record], statistic: Statistic) -> list[float
     return [sum(scores) / len(scores) for scores in zip(*by_seed, strict=True)]
 
 
-def _failed_cells(
-    failures: Sequence[Failure], columns: Mapping[Column, Sequence[Record]], cells: Mapping[str, Cells]
-) -> dict[str, Cells]:
-    """The cells of `cells` that failures change, with their failed seeds."""
+def _crashes(
+    failures: Sequence[Failure], records: Sequence[Record], columns: Mapping[Column, Sequence[Record]]
+) -> list[tuple[Failure, Column]]:
+    """The crashed runs that belong to the table of `records`, each with its column."""
+    identity = records[0].identity
+    ours = [
+        failure
+        for failure in failures
+        if failure.identity["source"] == identity["source"]
+        and failure.identity["protocol"]["name"] == identity["protocol"]["name"]
+        and fits_row(failure, records)
+    ]
+    alone = crashed_columns(ours, records)
+    found = [(failure, column) for failure in ours if (column := column_of_failure(failure, columns)) is not None]
+    return [*found, *((failure, column) for column, members in alone.items() for failure in members)]
+
+
+def _failed_cells(crashes: Sequence[tuple[Failure, Column]], cells: Mapping[str, Cells]) -> dict[str, Cells]:
+    """The cells of `cells` that crashed runs change, with their failed seeds."""
     found: dict[str, Cells] = {}
-    for failure in failures:
-        column = column_of_failure(failure, columns)
-        if column is None or failure.task not in cells:
-            continue
+    for failure, column in crashes:
         row = found.setdefault(failure.task, {})
         cell = row.get(column) or cells[failure.task].get(column) or Cell(sample=None)
         if failure.seed not in cell.seeds:
@@ -161,10 +185,10 @@ def _competing(row: Cells, rule: Rule) -> dict[Column, Sample]:
     }
 
 
-def _blocks(rows: Sequence[Row], example: Mapping[str, Record]) -> tuple[Block, ...]:
+def _blocks(rows: Sequence[Row], labels: Mapping[str, Labels]) -> tuple[Block, ...]:
     groups: dict[str, list[Row]] = {}
     for row in rows:
-        groups.setdefault(example[row.task].labels.group, []).append(row)
+        groups.setdefault(labels[row.task].group, []).append(row)
     return tuple(
         Block(
             group,
@@ -175,5 +199,5 @@ def _blocks(rows: Sequence[Row], example: Mapping[str, Record]) -> tuple[Block, 
             ),
         )
         for group, members in groups.items()
-        if (shorts := [example[row.task].labels.row for row in members])
+        if (shorts := [labels[row.task].row for row in members])
     )

@@ -12,6 +12,7 @@ PLUS_MINUS = "±"
 MISSING = "–"
 DIVERGED = "✗"
 FAILED = "!"
+CRASHED = "crashed"
 LOST = "†"
 AGREEMENTS: dict[Agreement, str] = {"matches": "≈", "differs": "≠", "undecided": "?", "not told apart": "∼"}
 
@@ -21,7 +22,7 @@ class CellText:
     """The parts of one cell: scores to one decimal, or counts with an interval in whole per cent.
 
     Attributes:
-        mean: e.g. ``97.9``, or successes out of trials, ``61/70``; a dash where every seed failed.
+        mean: e.g. ``97.9``, or successes out of trials, ``61/70``; ``crashed`` where every seed failed.
         std: e.g. ``8.1``; empty for a single seed.
         lost: a dagger where the highlight does not survive a correction, else empty.
         diverged: number of diverged seeds, e.g. ``1``; empty for none.
@@ -89,5 +90,5 @@ def _numbers(cell: Cell) -> tuple[str, str, str, str]:
         low, high = (f"{100.0 * end:.0f}" for end in (successes.interval.low, successes.interval.high))
         return f"{successes.pooled.successes}/{successes.pooled.trials}", "", low, high
     if summary is None:
-        return MISSING, "", "", ""
+        return CRASHED if cell.failed_seeds else MISSING, "", "", ""
     return short_number(summary.mean), "" if summary.std is None else short_number(summary.std), "", ""

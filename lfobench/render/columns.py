@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,25 +49,51 @@ def arrange_columns(records: Sequence[Record], methods: Sequence[str] = ()) -> d
         ): members
         for variant, members in variants.items()
     }
+    return {column: columns[column] for column in in_order(columns, methods)}
+
+
+def in_order(columns: Iterable[Column], methods: Sequence[str]) -> list[Column]:
+    """Methods that see expert actions first; within each group as `methods` names them, the others after them."""
     ranks = {method: rank for rank, method in enumerate(methods)}
-    order = sorted(columns, key=lambda column: (column.kind != "actions", ranks.get(column.method, len(ranks))))
-    return {column: columns[column] for column in order}
+    return sorted(columns, key=lambda column: (column.kind != "actions", ranks.get(column.method, len(ranks))))
+
+
+def crashed_columns(failures: Sequence[Failure], records: Sequence[Record]) -> dict[Column, list[Failure]]:
+    """Crashed runs by column, of the methods that left no record at all.
+
+    A method that has records has its columns already: a crash of another version, preset or option tells of another
+    table.
+    """
+    known = {record.method for record in records}
+    by_method: dict[str, list[Failure]] = {}
+    for failure in failures:
+        if failure.method not in known:
+            by_method.setdefault(failure.method, []).append(failure)
+    return {
+        Column(
+            label=harmless(" ".join(method.split())),
+            method=method,
+            preset=str(members[0].identity["preset"]),
+            kind="actions" if any(each.labels.sees_expert_actions for each in members) else "observations",
+        ): members
+        for method, members in by_method.items()
+    }
 
 
 def column_of_failure(failure: Failure, columns: Mapping[Column, Sequence[Record]]) -> Column | None:
-    """The column whose records were run as the failed run was, apart from task, seed and what follows the task.
-
-    None too where the failed run's conditions are not those of its row: it tells of another table.
-    """
-    row = next((record for records in columns.values() for record in records if record.task == failure.task), None)
-    if row is None or fixed_fields(row) != fixed_fields(failure):
-        return None
+    """The column whose records were run as the failed run was, apart from task, seed and what follows the task."""
     for column, records in columns.items():
         if any(_variant(failure) == _variant(record) for record in records):
             same_task = [record for record in records if record.task == failure.task]
             if all(_config(record) == _config(failure) for record in same_task):
                 return column
     return None
+
+
+def fits_row(failure: Failure, records: Sequence[Record]) -> bool:
+    """Whether the failed run's conditions are those of its row, where it has one: else it tells of another table."""
+    row = next((record for record in records if record.task == failure.task), None)
+    return row is None or fixed_fields(row) == fixed_fields(failure)
 
 
 def _by_variant(records: Sequence[Record]) -> dict[_Variant, list[Record]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from lfobench.render.cell_text import MISSING, CellText, cell_text
+from lfobench.render.cell_text import CRASHED, MISSING, CellText, cell_text
 from lfobench.render.table import Cell, Table, column_groups
 from lfobench.stats.names import Agreement
 
@@ -132,9 +132,9 @@ def _cell(cell: Cell | None, slots: _Slots) -> str:
     marks = _marks(cell) if cell else ""
     # Marks of no width are followed by the room for the widest ones.
     beside = marks if marks == slots.marks else rf"\rlap{{{marks}}}" * bool(marks) + _phantom(slots.marks)
-    if text.mean == MISSING:
-        # A dash is no minus sign. What stands behind it does not keep its distance.
-        return escape(MISSING) + beside + (f"${spread}$" if spread else "")
+    if text.mean in (MISSING, CRASHED):
+        # A dash is no minus sign, a word no product. What stands behind it does not keep its distance.
+        return escape(text.mean) + beside + (f"${spread}$" if spread else "")
     number = f"${_number(text.mean)}{spread}$"
     return (rf"\lfobenchbest{{{number}}}" if cell and cell.highlighted else number) + beside
 

@@ -182,7 +182,7 @@ def _label(line: Line) -> str:
 def _numbers(table: OutcomeTable, line: Line) -> list[str]:
     """Episodes, then every outcome: ``61 (87%)``."""
     if not line.episodes:
-        return [MISSING] * (len(table.outcomes) + 1)
+        return [cell_text(line.cell).mean if line.cell else MISSING] * (len(table.outcomes) + 1)
     return [str(line.episodes), *(_share(line, outcome) for outcome in table.outcomes)]
 
 

@@ -88,7 +88,13 @@ def outcome_table(
     table = build_table(records, HEADLINE, Rule("fisher"), tasks, methods, failures)
     members = arrange_columns(records, methods)
     lines = tuple(
-        Line(block.label, row, column, cell, _counts([record for record in members[column] if record.task == row.task]))
+        Line(
+            block.label,
+            row,
+            column,
+            cell,
+            _counts([record for record in members.get(column, []) if record.task == row.task]),
+        )
         for block, row in table.rows()
         for column, cell in zip(table.columns, row.cells, strict=True)
         if column.run_here

@@ -146,6 +146,7 @@ def _pilot_notes(plan: SeedPlan) -> Iterator[Note]:
         for cell, summary, interval in zip(
             (task.first, task.second), (figures.first, figures.second), figures.spreads, strict=True
         )
+        if summary.std is not None
     ]
     if spreads:
         yield Note("Spread", f"standard deviation with its 95% interval for normal scores: {'; '.join(spreads)}.")

@@ -151,7 +151,7 @@ def _episodes(digests: Sequence[Digest]) -> pd.DataFrame:
 
 
 def _metrics(records: Sequence[Record]) -> pd.DataFrame:
-    counts = _counts([record.metrics for record in records])
+    counts = np.array([len(record.metrics) for record in records], np.int64)
     rows = [row for record in records for row in record.metrics]
     frame = _runs([run_fields(record) for record in records], counts)
     frame["stage"] = _repeated([row.stage for row in rows], np.ones(len(rows), np.int64))

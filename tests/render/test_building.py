@@ -12,6 +12,8 @@ from lfobench.contract.record import Evaluation, Record
 from lfobench.contract.statistic import parse_statistic
 from lfobench.errors import UserError
 from lfobench.render.building import build_table
+from lfobench.render.cell_text import cell_text
+from lfobench.render.formats import FORMATS, export
 from lfobench.render.table import Cell, Table, column_groups
 from lfobench.stats.comparison import PAIRED
 from lfobench.stats.highlight import Rule
@@ -211,7 +213,8 @@ OTHER_PROTOCOL = {
         {"method_version": 2},
         {"set": {"tau": 3}, "config": {"batch_size": 256, "tau": 3}},
         {"config": {"batch_size": 512, "tau": 0.06}},
-        {"method": "oril"},
+        {"method": "oril", "source": "d4rl"},
+        {"task": "ant-random-expert", "protocol": OTHER_PROTOCOL},
         {"source": "d4rl"},
         {"protocol": OTHER_PROTOCOL},
         {"protocol": OTHER_PROTOCOL | {"name": "quick", "steps": 5}},
@@ -248,11 +251,35 @@ def test_a_failure_counts_where_a_config_follows_the_task(
     assert cell(table, "ant", "dilo") == Cell(sample=None, failed_seeds=(0,))
 
 
-def test_a_failure_of_a_task_that_the_table_lacks_makes_no_row(
+def test_a_task_and_a_method_of_which_every_run_crashed_have_their_row_and_column(
     make_cell: Callable[..., list[Record]], make_record: Callable[..., Record]
 ) -> None:
-    table = build_table(make_cell([90.0, 91.0]), failures=[crash(make_record(0.0, row="ant"))])
-    assert [row.label for _, row in table.rows()] == ["hopper"]
+    crashes = [
+        crash(make_record(0.0, row="ant")),
+        *(crash(make_record(0.0, "mine", seed)) for seed in (0, 1)),
+        crash(make_record(0.0, "cloned", 3, sees_expert_actions=True)),
+    ]
+    table = build_table(make_cell([90.0, 91.0]), methods=["mine", "dilo"], failures=crashes)
+    assert [column.label for column in table.columns] == ["cloned", "mine", "dilo"]
+    assert [column.kind for column in table.columns] == ["actions", "observations", "observations"]
+    found = {(row.label, column.label): cell_text(each) for row, column, each in table.cells() if each}
+    assert {place: text.mean for place, text in found.items()} == {
+        ("hopper", "cloned"): "crashed",
+        ("hopper", "mine"): "crashed",
+        ("hopper", "dilo"): "90.5",
+        ("ant", "dilo"): "crashed",
+    }
+    assert found["hopper", "mine"].failed == "2"
+    note = next(note.text for note in table.notes if note.label == "Failed")
+    assert "mine on hopper-random-expert, seeds 0, 1" in note and "dilo on ant-random-expert, seed 0" in note
+    for name in FORMATS:
+        assert name == "json" or name == "csv" or export(table, name).count("crashed") >= 4
+
+
+def test_where_every_run_crashed_the_first_crash_is_named(make_record: Callable[..., Record]) -> None:
+    with pytest.raises(UserError) as caught:
+        build_table([], failures=[crash(make_record(0.0, "mine", seed)) for seed in (4, 5)])
+    assert "2 runs crashed" in caught.value.problem and "mine on hopper-random-expert, seed 4" in caught.value.problem
 
 
 def test_a_seed_that_has_a_score_did_not_fail(

@@ -20,7 +20,7 @@ from lfobench.stats.summary import Summary
         (Cell(sample_of([50.0, 0.0]), seeds=(0, 1), diverged_seeds=(1,)), "25.0 ± 35.4 ✗1"),
         (Cell(sample_of([50.0, 50.0]), seeds=(0, 1), failed_seeds=(2, 3)), "50.0 ± 0.0 !2"),
         (Cell(sample_of([50.0, 0.0]), diverged_seeds=(1,), failed_seeds=(2,), lost=True), "25.0 ± 35.4† ✗1 !1"),
-        (Cell(None, failed_seeds=(0, 1, 2)), "– !3"),
+        (Cell(None, failed_seeds=(0, 1, 2)), "crashed !3"),
         (Cell(Sample(Summary(5, 100.0, 2.0)), agreement="matches"), "100.0 ± 2.0 ≈"),
         (Cell(Sample(Summary(5, 100.0, None)), agreement="differs"), "100.0 ≠"),
     ],

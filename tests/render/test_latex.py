@@ -28,7 +28,7 @@ MARKED = (
     r"Task & bc & oril & dilo &  \\",
     r"\quad hopper & $45.3 \pm 4.5$ & $89.3 \pm 5.0$\phantom{$^{!2}$}"
     r" & \lfobenchbest{$100.0 \pm \phantom{0}4.0$}\rlap{$^{\dagger}$}\phantom{$^{\times1\,!2}$} & $103.3$ \\",
-    r"\quad walker2d & \textendash{}$\phantom{{} \pm 0.0}$ & \textendash{}$^{!2}$$\phantom{{} \pm 0.0}$"
+    r"\quad walker2d & \textendash{}$\phantom{{} \pm 0.0}$ & crashed$^{!2}$$\phantom{{} \pm 0.0}$"
     r" & $9.0\phantom{{} \pm 00.0}$\phantom{$^{\times1\,!2}$} & $103.3$ \\",
     r"\quad ant & \textendash{}$\phantom{{} \pm 0.0}$ & \lfobenchbest{$6.2 \pm 1.3$}\phantom{$^{!2}$}"
     r" & \lfobenchbest{$66.7 \pm 57.7$}$^{\times1\,!2}$ & \textendash{} \\",

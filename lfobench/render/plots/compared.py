@@ -59,12 +59,13 @@ def demonstration_score(table: Table, row: Row) -> float | None:
 
 
 def compare(table: Table) -> Compared:
-    """The scores of all methods of `table` on the tasks that they share.
+    """The scores of all methods of `table` on the tasks that they share; methods without any score take no part.
 
     Raises:
         UserError: there is no such task.
     """
-    columns = run_columns(table)
+    scored = {column for _, column, cell in table.cells() if cell is not None and cell.sample is not None}
+    columns = tuple(column for column in run_columns(table) if column in scored)
     shared, left_out = {}, []
     for _, row in table.rows():
         samples = {column: cell.sample for column, cell in run_cells(table, row).items() if cell.sample is not None}
