@@ -2,24 +2,34 @@
 
 Two headers are known, in any order of columns: ``method, mean, std`` with `n` and `highlighted` where known, and
 ``method, successes, trials`` with `highlighted` where known. All other columns together name the row.
+
+Fields are separated by commas, tabs or semicolons, whichever makes a known header of the first line. A minus may be a
+hyphen or U+2212, the decimal sign a point or, in the whole file, a comma. What could be read in two ways is refused.
 """
 
 from __future__ import annotations
 
 import csv
+import io
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from lfobench.contract.publication import PrintedCount, PrintedMean, PublishedRow
+from lfobench.contract.record import LARGEST_SCORE, usable
 from lfobench.errors import UserError
+from lfobench.words import short_number, shown
 
 MEANS = ("mean", "std")
 COUNTS = ("successes", "trials")
 HEADERS = "the columns method, mean, std or method, successes, trials"
 _OPTIONAL = {MEANS: ("n", "highlighted"), COUNTS: ("highlighted",)}
+_NAMELESS = re.compile(r"|Unnamed: [0-9]+")
+"""Headings of a column without one, as pandas writes and as it reads them."""
+
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.([0-9]*))?|\.([0-9]+))(?:[eE]([+-]?[0-9]+))?")
 
 _Cell = TypeVar("_Cell", PrintedMean, PrintedCount)
@@ -38,15 +48,26 @@ class _Line(NamedTuple):
 
     def number(self, column: str) -> tuple[float, float]:
         """The value and the place value of its last digit."""
-        text = self.required(column)
+        written = self.required(column)
+        text = written.replace("\N{MINUS SIGN}", "-").replace(",", ".")
+        if re.search(r"±|\+/?-|\\pm", written):
+            raise UserError(
+                f"{self.where}: {column} is '{written}', a mean and its spread in one field.",
+                "Write them into two columns, mean and std.",
+            )
         match = _NUMBER.fullmatch(text)
         # As text first: float() also takes nan, inf and 1_000.
         exponent = (int(match[3] or 0) - len(match[1] or match[2] or "")) if match and len(text) < 100 else 0
         value, digit = (float(text), float(f"1e{exponent}")) if match else (math.nan, math.nan)
         if not (math.isfinite(value) and math.isfinite(digit)):
             raise UserError(
-                f"{self.where}: {column} is '{text}', which is not a finite number.",
-                "Write it like 97.87 or -3.3, without units or signs of significance.",
+                f"{self.where}: {column} is '{shown(written)}', which is not a finite number.",
+                "Write it like 97.87 or -3.3, without units, blanks or signs of significance.",
+            )
+        if not usable(value):
+            raise UserError(
+                f"{self.where}: {column} is '{shown(written)}', beyond ±{short_number(LARGEST_SCORE)}.",
+                "Leave out what exploded, or write the table in another unit.",
             )
         return value, digit
 
@@ -112,10 +133,14 @@ def _count(line: _Line) -> PrintedCount:
 
 
 def _rows(path: Path, values: tuple[str, str], read: Callable[[_Line], _Cell]) -> tuple[PublishedRow[_Cell], ...]:
-    (number, header), *records = _records(path)
-    if _header(path, number, header) != values:
-        raise UserError(f"{path}, line {number}: there are no columns {', '.join(values)}.", f"It needs {HEADERS}.")
+    (number_of_header, header), *records = _records(path)
+    if _header(path, number_of_header, header) != values:
+        raise UserError(
+            f"{path}, line {number_of_header}: there are no columns {', '.join(values)}.", f"It needs {HEADERS}."
+        )
     reserved = {"method", *values, *_OPTIONAL[values]}
+    if values == MEANS:
+        _check_commas(path, header, records)
     rows: dict[tuple[str, ...], dict[str, _Cell]] = {}
     for number, fields in records:
         where = f"{path}, line {number}"
@@ -128,16 +153,64 @@ def _rows(path: Path, values: tuple[str, str], read: Callable[[_Line], _Cell]) -
             raise UserError(f"{where}: a second number of {method} for {'-'.join(place)}.", "Remove one of the two.")
         cells[method] = read(line)
     columns = [column for column in header if column not in reserved]
+    _check_index(path, number_of_header, columns, rows)
     return tuple(PublishedRow(dict(zip(columns, place, strict=True)), cells) for place, cells in rows.items())
+
+
+def _check_commas(path: Path, header: Sequence[str], records: Sequence[tuple[int, list[str]]]) -> None:
+    """Refuses commas in numbers that may group digits by thousands, and points in a file of decimal commas."""
+    places = [header.index(column) for column in MEANS]
+    numbers = [(number, fields[place]) for number, fields in records for place in places if len(fields) == len(header)]
+    commas = [(number, text) for number, text in numbers if "," in text]
+    if not commas:
+        return
+    # A comma before three digits groups thousands in one country and begins the decimals in another.
+    grouped = all(re.fullmatch(r"[0-9]{3}", text.rpartition(",")[2]) for _, text in commas)
+    for number, text in commas if grouped else numbers:
+        if grouped or "." in text:
+            reason = (
+                "may be grouped by thousands or have decimals" if grouped else "has a point where others have a comma"
+            )
+            raise UserError(
+                f"{path}, line {number}: '{shown(text)}' {reason}.", "Write numbers with a point and no other sign."
+            )
+
+
+def _check_index(
+    path: Path, number: int, columns: Sequence[str], rows: Mapping[tuple[str, ...], Mapping[str, object]]
+) -> None:
+    """Refuses a column that numbers the lines: with it no two methods share a row, without it they do."""
+    if len(columns) < 2 or any(len(cells) > 1 for cells in rows.values()):
+        return
+    methods = {place: method for place, cells in rows.items() for method in cells}
+    for index, column in enumerate(columns):
+        without: dict[tuple[str, ...], list[str]] = {}
+        for place, method in methods.items():
+            without.setdefault((*place[:index], *place[index + 1 :]), []).append(method)
+        numbered = len({place[index] for place in rows}) == len(rows)
+        if numbered and len(without) < len(rows) and all(len(set(each)) == len(each) for each in without.values()):
+            raise UserError(
+                f"{path}, line {number}: column '{column}' has another value in every line, so no two methods share a "
+                "row.",
+                "Remove it; pandas leaves its index out with to_csv(index=False).",
+            )
 
 
 def _records(path: Path) -> list[tuple[int, list[str]]]:
     """Every line that is not blank with its number: the header and at least one more."""
     try:
+        with path.open("rb") as file:
+            content = file.read(_LARGEST + 1)
+        if len(content) > _LARGEST:
+            raise UserError(f"{path} is larger than {_LARGEST:,} bytes.", "Give a table that was printed.")
         # Spreadsheets begin a UTF-8 file with a byte order mark.
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file, strict=True)
-            records = [(reader.line_num, [field.strip() for field in fields]) for fields in reader if any(fields)]
+        text = content.decode("utf-8-sig")
+        reader = csv.reader(io.StringIO(text, newline=""), strict=True, delimiter=_separator(text))
+        records = [
+            (reader.line_num, [" ".join(re.split(_BLANKS, field.strip())) for field in fields])
+            for fields in reader
+            if any(fields)
+        ]
     except UnicodeDecodeError as error:
         raise UserError(f"{path} is not a UTF-8 text: {error.reason} at byte {error.start}.", _SAVE) from error
     except csv.Error as error:
@@ -158,6 +231,20 @@ def _records(path: Path) -> list[tuple[int, list[str]]]:
 
 
 _SAVE = "Save it as CSV in UTF-8."
+_LARGEST = 16_000_000
+"""Bytes of a table; the seed paper's largest has 10,000."""
+
+_BLANKS = "[\N{NO-BREAK SPACE}\N{THIN SPACE}\N{NARROW NO-BREAK SPACE}]"
+
+
+def _separator(text: str) -> str:
+    """Comma, tab or semicolon, whichever finds the column of methods in the first line; a comma where none does."""
+    first = next((line for line in text.splitlines() if line.strip()), "")
+    for separator in ",\t;":
+        with suppress(csv.Error):
+            if "method" in (field.strip() for field in next(csv.reader([first], delimiter=separator))):
+                return separator
+    return ","
 
 
 def _header(path: Path, number: int, header: list[str]) -> tuple[str, str]:
@@ -166,6 +253,12 @@ def _header(path: Path, number: int, header: list[str]) -> tuple[str, str]:
     if twice is not None:
         named = f"two columns '{twice}'" if twice else "columns without a name"
         raise UserError(f"{where}: there are {named}.", "Give every column a name of its own.")
+    if (nameless := next((column for column in header if _NAMELESS.fullmatch(column)), None)) is not None:
+        subject = f"'{nameless}' is" if nameless else "there is"
+        raise UserError(
+            f"{where}: {subject} a column without a name, number {header.index(nameless) + 1} of {len(header)}.",
+            "Name it or remove it; pandas leaves its index out with to_csv(index=False).",
+        )
     found = [values for values in (MEANS, COUNTS) if {"method", *values} <= set(header)]
     if len(found) != 1:
         kinds = "is both a table of means and one of successes" if found else f"has the columns {', '.join(header)}"

@@ -64,6 +64,33 @@ def test_what_spreadsheets_write_is_read(tmp_path: Path) -> None:
     assert table.rows[0].cells["dilo"] == PrintedMean(1.5, 0.5, 0.1, 0.1, None, None)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "method\tmean\tstd\tn\ttask\ndilo\t50.5\t2.0\t5\thopper\nsmodice\t-47.25\t1.0\t5\thopper\n",
+        "method;mean;std;n;task\r\ndilo;50,5;2,0;5;hopper\r\nsmodice;-47,25;1,0;5;hopper\r\n",
+        'method,mean,std,n,task\n"dilo","50,5","2,0",5,"hopper"\nsmodice,"-47,25","1,0",5,hopper\n',
+        "\ufeffmethod,mean,std,n,task\ndilo,50.5,2.0,5,hopper\nsmodice,\u221247.25,1.0,5,hopper\n",
+        "method,mean,std,n,task\rdilo,\u00a050.5,2.0\u00a0,5,hopper\rsmodice,-47.25,1.0,5,hopper\r",
+    ],
+    ids=["tabs", "semicolons and decimal commas", "quoted decimal commas", "mark and U+2212", "no-break spaces and CR"],
+)
+def test_other_spellings_of_the_same_table_are_read(tmp_path: Path, text: str) -> None:
+    (table,) = read_publication(write(tmp_path, text)).tables
+    (row,) = table.rows
+    assert (row.name, row.cells) == (
+        "hopper",
+        {
+            "dilo": PrintedMean(50.5, 2.0, 0.1, 0.1, 5, None),
+            "smodice": PrintedMean(-47.25, 1.0, 0.01, 0.1, 5, None),
+        },
+    )
+
+
+def test_a_file_without_end_is_refused() -> None:
+    assert "larger than" in refusal("/dev/zero")
+
+
 def test_an_unknown_name_offers_the_closest_and_a_file() -> None:
     assert "Did you mean 'dilo-2024'?" in refusal("dilo-2023")
     assert "method, mean, std" in refusal("zzz")
@@ -89,6 +116,18 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
         (MEANS + "hopper,dilo,1e999,1,1\n", 2, "finite"),
         (MEANS + "hopper,dilo,1_0,1,1\n", 2, "finite"),
         (MEANS + "hopper,dilo,1,1.0*,1\n", 2, "std is '1.0*'"),
+        (MEANS + "hopper,dilo,97.9 ± 8.1,,1\n", 2, "a mean and its spread in one field"),
+        (MEANS + "hopper,dilo,97.9+-8.1,,1\n", 2, "a mean and its spread in one field"),
+        (MEANS + "hopper,dilo,97.9 +/- 8.1,,1\n", 2, "a mean and its spread in one field"),
+        (MEANS + "hopper,dilo,97.9%,1,1\n", 2, "'97.9%'"),
+        (MEANS + "hopper,dilo,12\u00a0135,1,1\n", 2, "'12 135'"),
+        (MEANS + "hopper,dilo,1e300,1,1\n", 2, "beyond ±1.0e15"),
+        (MEANS + "hopper,dilo,1,2e15,1\n", 2, "std is '2e15'"),
+        (",env,method,mean,std\n0,hopper,dilo,1,1\n", 1, "a column without a name, number 1 of 5"),
+        ("Unnamed: 0,env,method,mean,std\n0,hopper,dilo,1,1\n", 1, "'Unnamed: 0' is a column without a name"),
+        ("id,env,method,mean,std\n0,hopper,dilo,1,1\n1,hopper,bc,1,1\n", 1, "column 'id' has another value"),
+        ("env\tmethod\tmean\tstd\nhopper\tdilo\t12,135\t3\n", 2, "'12,135' may be grouped by thousands"),
+        ("env;method;mean;std\nhopper;dilo;1,5;3\nhopper;bc;1.5;2\n", 3, "'1.5' has a point"),
         (MEANS + "hopper,dilo,1,-1,1\n", 2, "not negative"),
         (MEANS + "hopper,dilo,,1,1\n", 2, "mean is empty"),
         (MEANS + "hopper,,1,1,1\n", 2, "method is empty"),
