@@ -10,6 +10,7 @@ import typer
 from lfobench.cli import (
     audit,
     bench,
+    check,
     compare,
     data,
     ls,
@@ -37,6 +38,7 @@ app = typer.Typer(
 )
 app.command(name="ls")(ls.list_names)
 app.command(name="show")(show.show)
+app.command(name="check")(check.check)
 app.add_typer(data.app, name="data")
 app.command(name="run")(run.run)
 app.command(name="tune")(tune.tune)

@@ -8,8 +8,8 @@ order of their own, so that not even a guess at the draw that chose a row says w
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -37,17 +37,30 @@ class Table:
             no index where row r of the storage is the field of row r.
         sampled: rows that training draws.
         rows: rows in all, at least `sampled`.
+        per_seed: per field, values ``[S, R]`` of every row that differ between seeds.
     """
 
-    def __init__(self, columns: Mapping[Field, Column], sampled: int, rows: int) -> None:
+    def __init__(
+        self,
+        columns: Mapping[Field, Column],
+        sampled: int,
+        rows: int,
+        per_seed: Mapping[Field, Tensor] | None = None,
+    ) -> None:
         self._columns = dict(columns)
+        self._per_seed = dict(per_seed or {})
         self.sampled = sampled
         self.rows = rows
 
     @property
     def fields(self) -> tuple[Field, ...]:
         """The fields that a batch of this table holds."""
-        return tuple(self._columns)
+        return (*self._columns, *self._per_seed)
+
+    def of_seeds(self, places: Sequence[int]) -> Table:
+        """The same rows for some of the seeds, by their places on the axis."""
+        per_seed = {field: values[list(places)] for field, values in self._per_seed.items()}
+        return Table(self._columns, self.sampled, self.rows, per_seed)
 
     def batch(self, row: Tensor) -> Batch:
         """Rows ``[S, B]`` of every field, ``[S, B, ...]``."""
@@ -57,6 +70,8 @@ class Table:
         for field, (storage, index) in self._columns.items():
             place = flat if index is None else index.index_select(0, flat)
             batch[field] = storage.index_select(0, place).view(*row.shape, *storage.shape[1:])
+        for field, values in self._per_seed.items():
+            batch[field] = values.gather(1, row)
         return batch
 
 
@@ -83,6 +98,10 @@ class View:
         """Rows that training draws from."""
         return Sizes(self.offline.sampled, self.expert.sampled)
 
+    def of_seeds(self, places: Sequence[int]) -> View:
+        """The view of some of the seeds, by their places on the axis."""
+        return replace(self, offline=self.offline.of_seeds(places))
+
 
 def check_declaration(method: type[Method], needs: DataNeeds) -> None:
     """Refuse a declaration of unknown fields, or one that reaches for expert actions without access.
@@ -97,12 +116,26 @@ def check_declaration(method: type[Method], needs: DataNeeds) -> None:
         raise FirewallError(
             f"Method '{method.name}' asks for expert actions but does not declare access_to_expert_actions."
         )
+    if "label" in needs.expert:
+        raise FirewallError(f"Method '{method.name}' asks for labels of the expert; only offline data has them.")
+    prepares = getattr(method.prepare, "__func__", method.prepare) is not Method.prepare.__func__  # type: ignore[attr-defined]
+    if "label" in needs.offline and not prepares:
+        raise FirewallError(f"Method '{method.name}' asks for 'label' and defines no `prepare` that computes it.")
     if "initial_observation" in needs.expert:
         raise FirewallError(f"Method '{method.name}' asks for initial observations of the expert; only offline has.")
 
 
-def view(method: type[Method], needs: DataNeeds, mixture: Mixture, device: torch.device) -> View:
+def view(
+    method: type[Method], needs: DataNeeds, mixture: Mixture, device: torch.device, labels: Tensor | None = None
+) -> View:
     """The declared fields of a mixture, on `device`.
+
+    Args:
+        method: whose view it is.
+        needs: its declaration.
+        mixture: the data.
+        device: where the tensors go.
+        labels: ``[A]`` or ``[S, A]`` by action, for a method that asks for them.
 
     Raises:
         FirewallError: for a declaration that is not allowed.
@@ -120,9 +153,9 @@ def view(method: type[Method], needs: DataNeeds, mixture: Mixture, device: torch
         index = _index(mixture.initial, observations).index_select(0, _disorder(randomness, episodes))
         initial["initial_observation"] = (observations, index.to(device))
     return View(
-        offline=_table(needs.offline, mixture.offline, observations, actions, order),
+        offline=_table(needs.offline, mixture.offline, observations, actions, order, labels),
         initial=Table(initial, episodes, episodes),
-        expert=_table(needs.expert, mixture.expert, observations, actions, None),
+        expert=_table(needs.expert, mixture.expert, observations, actions, None, None),
         shapes=Shapes(mixture.transform.size, mixture.actions.shape[1]),
         transform=mixture.transform,
     )
@@ -138,7 +171,14 @@ def _index(index: IntArray, storage: Tensor) -> Tensor:
     return torch.from_numpy(index).to(torch.int32 if len(storage) <= torch.iinfo(torch.int32).max else torch.int64)
 
 
-def _table(fields: tuple[Field, ...], rows: Rows, observations: Tensor, actions: Tensor, order: Tensor | None) -> Table:
+def _table(
+    fields: tuple[Field, ...],
+    rows: Rows,
+    observations: Tensor,
+    actions: Tensor,
+    order: Tensor | None,
+    labels: Tensor | None,
+) -> Table:
     """The rows in `order` ``[R]``, or as they are."""
     device = observations.device
     indices = {
@@ -151,12 +191,20 @@ def _table(fields: tuple[Field, ...], rows: Rows, observations: Tensor, actions:
         return (values if order is None else values.index_select(0, order)).to(device)
 
     columns: dict[Field, Column] = {}
+    per_seed: dict[Field, Tensor] = {}
     for field in fields:
-        if field == "action":
+        if field == "label" and labels is not None:
+            values = labels.index_select(-1, torch.from_numpy(rows.action))
+            values = values if order is None else values.index_select(-1, order)
+            if labels.dim() == 1:
+                columns[field] = (values.to(device), None)
+            else:
+                per_seed[field] = values.to(device)
+        elif field == "action":
             # Only the actions of these rows: the expert's others have no place here.
             columns[field] = (ordered(actions.index_select(0, torch.from_numpy(rows.action))), None)
         elif field == "terminated":
             columns[field] = (ordered(torch.from_numpy(rows.terminated).to(torch.float32)), None)
         elif (index := indices.get(field)) is not None:
             columns[field] = (observations, ordered(_index(index, observations)))
-    return Table(columns, rows.sampled, len(rows))
+    return Table(columns, rows.sampled, len(rows), per_seed)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lfobench.contract.episodes import Episodes, FloatArray, IntArray, concatenate
+from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray, concatenate
 from lfobench.contract.method import Boundary, DataNeeds, Termination
 from lfobench.contract.suite import Recipe, TrajectoryRecipe
 from lfobench.data import boundaries
@@ -61,6 +61,8 @@ class Mixture:
         expert: rows of the demonstration.
         initial: ``[E]`` indices of the first observations of the offline data's episodes.
         transform: to be applied to the simulator's observations.
+        lengths: ``[E]`` steps of every episode of both parts.
+        terminated: ``[E]``; True where the environment ended it.
     """
 
     observations: FloatArray
@@ -69,6 +71,8 @@ class Mixture:
     expert: Rows
     initial: IntArray
     transform: ObservationTransform
+    lengths: IntArray
+    terminated: BoolArray
 
 
 def mix(
@@ -107,7 +111,16 @@ def mix(
     first = everything.first_observation
     used = np.zeros(absorbing + 1, np.bool_)
     used[offline_rows.observation] = True
-    return Mixture(observations, everything.actions, offline_rows, expert_rows, first[used[first]], transform)
+    return Mixture(
+        observations,
+        everything.actions,
+        offline_rows,
+        expert_rows,
+        first[used[first]],
+        transform,
+        everything.lengths,
+        everything.terminated,
+    )
 
 
 def _stacked(offline: Episodes, expert: Episodes, indicator: bool) -> tuple[Episodes, FloatArray]:

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -14,6 +15,7 @@ from filelock import FileLock, Timeout
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Evaluation, Record, Warning, content_hash
 from lfobench.data.firewall import View, view
+from lfobench.data.labels import LABEL, labels_of
 from lfobench.data.remarks import remarks
 from lfobench.data.source import TaskData, load_task
 from lfobench.engine import checkpoint
@@ -26,6 +28,7 @@ from lfobench.plan.parts import build_command
 from lfobench.plan.sources import spelled
 from lfobench.processes import keep_freed_memory
 from lfobench.registry import load_suite
+from lfobench.source_code import code_of
 from lfobench.store.folder import RecordFolder
 
 
@@ -107,9 +110,10 @@ def _locked(folder: RecordFolder, run: Run, held: ExitStack) -> bool:
 
 @dataclass(frozen=True)
 class _Resumed:
-    """A run, what its checkpoint's numbers must depend on, and its checkpoint if it has one."""
+    """A run and its place among those of its job, the key of its checkpoint, and that checkpoint if there is one."""
 
     run: Run
+    place: int
     key: str
     start: checkpoint.Checkpoint | None
 
@@ -125,22 +129,40 @@ def _train(
     rebuild = build_command(cell.suite, cell.protocol.name, cell.task.name, spelled(cell.task, cell.source))
     data = load_task(job.cache, load_suite(cell.suite), cell.task, cell.recipe, rebuild)
     needs = cell.method.needs(cell.config)
-    seen = view(cell.method, needs, data.mixture(needs), device)
+    mixture = data.mixture(needs)
+    if LABEL in needs.offline:
+        yield Advance(LABEL, 0, 1, None)
+    try:
+        labels = labels_of(
+            cell.method,
+            cell.config,
+            needs,
+            mixture,
+            [run.seed for run in runs],
+            device,
+            code_of(cell.method),
+            job.cache,
+            partial(_go_on, stop),
+        )
+    except _Stopped:
+        return
+    seen = view(cell.method, needs, mixture, device, labels)
     inputs = {"data": data.fingerprints, "packages": package_versions()}
     groups: dict[tuple[int, int], list[_Resumed]] = {}
-    for run in runs:
+    for index, run in enumerate(runs):
         key = content_hash([run.identity, device.type, inputs])
         saved = checkpoint.load(folder.checkpoint(run), key)
         place = (0, 0) if saved is None else saved.progress.place
-        groups.setdefault(place, []).append(_Resumed(run, key, saved))
+        groups.setdefault(place, []).append(_Resumed(run, index, key, saved))
     together = [groups[place] for place in sorted(groups, reverse=True)]
     loaded = time.perf_counter() - started
     for index, group in enumerate(together):
         checkpoints = [(folder.checkpoint(each.run), each.key) for each in group]
         start = [each.start for each in group if each.start is not None]
         seeds = [each.run.seed for each in group]
+        of_group = seen.of_seeds([each.place for each in group])
         trainer = Trainer(
-            cell, seeds, seen, device, checkpoints, start if len(start) == len(group) else (), stop, job.evaluators
+            cell, seeds, of_group, device, checkpoints, start if len(start) == len(group) else (), stop, job.evaluators
         )
         for advance in trainer.run():
             yield replace(advance, done=index * advance.total + advance.done, total=len(together) * advance.total)
@@ -148,6 +170,15 @@ def _train(
             return
         trainer.progress.seconds["load"] = loaded
         yield from _write([each.run for each in group], trainer, folder, data, needs, seen, device)
+
+
+class _Stopped(Exception):
+    """A stop was asked for while labels were computed; they are computed again."""
+
+
+def _go_on(stop: Callable[[], bool], done: float) -> None:
+    if stop():
+        raise _Stopped
 
 
 def _write(

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from lfobench.contract.method import Field, Method, Shapes, Sizes, Stage
+from lfobench.contract.method import DataNeeds, Field, Method, Shapes, Sizes, Stage
 from lfobench.contract.randomness import Randomness
 from lfobench.contract.suite import Demonstrator, Environment, FloatArray, Operator, Recipe, TrajectoryRecipe
 from lfobench.data.firewall import Table, View
@@ -162,7 +162,7 @@ def _programs(
     """Every stage of a cell on random data: its name, a call that makes one update, and the method."""
     needs = cell.method.needs(cell.config)
     shapes = Shapes(raw.observation + int(needs.termination == "absorbing"), raw.action)
-    view = _random_view(needs.offline, needs.expert, shapes, device)
+    view = random_view(needs, shapes, device)
     method: Method = cell.method(cell.config, shapes, range(seeds), device)
     randomness = Randomness(range(seeds), device)
 
@@ -174,23 +174,24 @@ def _programs(
     return [(stage.name, updates(stage), method) for stage in method.stages(view.sizes)]
 
 
-def _random_view(offline: tuple[Field, ...], expert: tuple[Field, ...], shapes: Shapes, device: torch.device) -> View:
+def random_view(needs: DataNeeds, shapes: Shapes, device: torch.device, rows: int = PROBE_ROWS) -> View:
+    """Random data with the fields that a method declares: `rows` of each part, none of them terminal."""
     generator = torch.Generator().manual_seed(0)
     widths = {"action": shapes.action, "terminated": 0, "label": 0}
 
     def column(field: Field) -> tuple[Tensor, Tensor]:
         width = widths.get(field, shapes.observation)
-        size = (PROBE_ROWS, width) if width else (PROBE_ROWS,)
+        size = (rows, width) if width else (rows,)
         values = torch.zeros(size) if not width else torch.rand(size, generator=generator) * 2 - 1
-        return values.to(device), torch.arange(PROBE_ROWS, device=device)
+        return values.to(device), torch.arange(rows, device=device)
 
     def table(fields: tuple[Field, ...]) -> Table:
-        return Table({field: column(field) for field in fields}, PROBE_ROWS, PROBE_ROWS)
+        return Table({field: column(field) for field in fields}, rows, rows)
 
-    initial: tuple[Field, ...] = tuple(field for field in offline if field == "initial_observation")
-    rest: tuple[Field, ...] = tuple(field for field in offline if field != "initial_observation")
+    initial: tuple[Field, ...] = tuple(field for field in needs.offline if field == "initial_observation")
+    rest: tuple[Field, ...] = tuple(field for field in needs.offline if field != "initial_observation")
     zeros = np.zeros(shapes.observation, np.float32)
-    return View(table(rest), table(initial), table(expert), shapes, ObservationTransform(zeros, zeros + 1, False))
+    return View(table(rest), table(initial), table(needs.expert), shapes, ObservationTransform(zeros, zeros + 1, False))
 
 
 def _seconds_per_step(simulator: gymnasium.Env[Any, Any], act: Callable[[FloatArray], FloatArray]) -> float:

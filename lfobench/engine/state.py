@@ -206,6 +206,15 @@ def live_tensors(method: Method) -> dict[str, Tensor]:
     return {name: leaf.value for name, leaf in _walked(method).leaves.items() if isinstance(leaf.value, Tensor)}
 
 
+def plain_values(method: Method) -> dict[str, Any]:
+    """A copy of every plain value that a method's state has, by name."""
+    return {
+        name: copy.deepcopy(leaf.value)
+        for name, leaf in _walked(method).leaves.items()
+        if not isinstance(leaf.value, Tensor)
+    }
+
+
 @dataclass(frozen=True)
 class StateLayout:
     """Which leaves of a method belong to a seed.
@@ -352,12 +361,6 @@ class MethodState:
         if rows:
             result &= torch.stack(rows).all(0).cpu()
         return result & torch.stack(own) if own else result
-
-    def values(self) -> dict[str, Any]:
-        """Every plain value, by the name of its leaf; a copy."""
-        return {
-            leaf.name: copy.deepcopy(leaf.value) for _, _, leaf in self._leaves() if not isinstance(leaf.value, Tensor)
-        }
 
     def _leaves(self) -> Iterator[tuple[str, int | None, _Leaf]]:
         for leaf in _walked(self._method).leaves.values():

@@ -13,12 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+from lfobench.contract.method import Method, Shapes
 from lfobench.contract.record import Warning
 from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
 from lfobench.data.remarks import check_parts, remarks
 from lfobench.data.source import load_task
 from lfobench.engine.job import Job, carry_out
+from lfobench.engine.method_check import require_sound
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
 from lfobench.files import remove_leftovers, writable_folder
@@ -26,6 +28,7 @@ from lfobench.plan.cells import Cell
 from lfobench.plan.parts import build_command
 from lfobench.plan.sources import check_here, spelled
 from lfobench.schedule.agenda import Agenda, Forecast
+from lfobench.source_code import ships
 from lfobench.store.failures import write_failure
 from lfobench.store.folder import RecordFolder
 
@@ -117,6 +120,8 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, stop: StopRe
     """
     plan = agenda.plan
     check_here(plan.tasks, plan.cells[0].suite, plan.cells[0].source)
+    with watcher.phase("Checking the methods…"):
+        check_methods(agenda.jobs)
     sources = {task.name: spelled(task, plan.cells[0].source) for task in plan.tasks}
 
     def rebuild(task: str) -> str:
@@ -142,6 +147,21 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, stop: StopRe
     if not (tally.stopped or tally.failed or tally.busy):
         remove_checkpoints_of_the_finished(agenda, out)
     return tally
+
+
+def check_methods(jobs: Sequence[Job]) -> None:
+    """Check every method that does not ship with lfobench, in every configuration in which it is about to train.
+
+    Raises:
+        UserError: one breaks a rule of the contract.
+    """
+    checked: set[tuple[type[Method], str, str]] = set()
+    for cell in (job.cell for job in jobs if not ships(job.cell.method)):
+        key = (cell.method, cell.config.model_dump_json(), cell.task.environment.name)
+        if key not in checked:
+            checked.add(key)
+            spaces = cell.task.environment.spaces
+            require_sound(cell.method, cell.config, Shapes(spaces.observation, len(spaces.actions.low)))
 
 
 def _look_at_data(agenda: Agenda, rebuild: Callable[[str], str], stop: StopRequest, watcher: Watcher) -> None:
