@@ -92,7 +92,7 @@ def _merged(chosen: list[tuple[str, str | None]], source: str | None) -> list[di
     rows: dict[tuple[str, DataFile], dict[str, Any]] = {}
     for suite, tasks in chosen:
         for row, file in _rows(suite, tasks, source):
-            known = rows.setdefault((row["source"], replace(file, columns=None)), row)
+            known = rows.setdefault((row["source"], replace(file, columns=None, keys=None)), row)
             for field in ("suites", "tasks"):
                 known[field] = list(dict.fromkeys((*known[field], *row[field])))
     return list(rows.values())

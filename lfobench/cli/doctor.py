@@ -16,12 +16,15 @@ if TYPE_CHECKING:
 
 
 def doctor(
-    subject: Annotated[str, typer.Argument(help="A data file, the folder of a Minari dataset, or a task.")],
+    subject: Annotated[str, typer.Argument(help="A data file, the folder of a dataset, or a task.")],
     horizon: Annotated[
         int | None, typer.Option(min=1, help="Of a file: steps after which the environment cuts an episode.")
     ] = None,
     to: Annotated[
         Path | None, typer.Option(help="Of a file: also draw lengths and returns of its episodes: .png, .svg or .pdf.")
+    ] = None,
+    keys: Annotated[
+        str | None, typer.Option(metavar="A+B", help="Of a file: what an observation is made of, as keys= in --source.")
     ] = None,
     suite: options.SuiteName = options.DEFAULT_SUITE,
     protocol: options.ProtocolName = "auto",
@@ -30,7 +33,8 @@ def doctor(
 ) -> None:
     """Examine the episodes of a file, or of both parts of a task's data; exit code 1 where it cannot be trained on.
 
-    A file is in the layout of D4RL, Minari or robomimic.
+    A file is in the layout of D4RL, Minari or robomimic, or an NPZ archive; a folder is a dataset of Minari, of LeRobot
+    (version 3), or of NPZ archives.
 
     Example: lfobench data doctor hopper_medium-v2.hdf5 --horizon 1000
 
@@ -38,11 +42,11 @@ def doctor(
     """
     owner = _suite_of(subject, suite)
     if owner is not None:
-        if horizon is not None or to is not None:
-            raise UserError("--horizon and --to are for a file; a task knows its horizon.", "Leave them out.")
+        if horizon is not None or to is not None or keys is not None:
+            raise UserError("--horizon, --keys and --to are for a file; a task knows its own.", "Leave them out.")
         found, inside = _of_task(subject, owner, protocol, source)
     else:
-        found, inside = _of_file(Path(subject), horizon, to), None
+        found, inside = _of_file(Path(subject), horizon, to, keys), None
     usable = all(each.usable for each in found.values())
     if as_json:
         print_json(_as_json(subject, found, inside))
@@ -70,15 +74,16 @@ def _suite_of(subject: str, suite: str) -> str | None:
     return owners.get(subject)
 
 
-def _of_file(file: Path, horizon: int | None, to: Path | None) -> dict[str, Diagnosis]:
+def _of_file(file: Path, horizon: int | None, to: Path | None, keys: str | None) -> dict[str, Diagnosis]:
     from lfobench.data.isolated import examine_file
     from lfobench.files import replacing
+    from lfobench.plan.sources import split_keys
     from lfobench.render.plots.episodes import episodes
     from lfobench.render.plots.figure import format_of
     from lfobench.render.plots.style import WIDTHS
 
     format_name = None if to is None else format_of(to)
-    found = examine_file(file, horizon)
+    found = examine_file(file, horizon, None if keys is None else split_keys(keys))
     if to is not None:
         figure = episodes(found, file.name, WIDTHS["column"])
         with replacing(to) as temporary:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Severity = Literal["problem", "caution", "note"]
-"""A problem keeps a file from being used; a caution changes what is learnt from it; a note does neither."""
+"""A problem keeps a file from being used; a caution changes what is learnt or known from it; a note does neither."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ class Diagnosis:
     """A file, examined.
 
     Attributes:
-        format: ``d4rl``, ``minari`` or ``robomimic``; ``cached`` of a part that was read or made before.
+        format: ``d4rl``, ``minari``, ``robomimic``, ``npz`` or ``lerobot``; ``cached`` of a part that was read or made
+            before.
         observation: columns of an observation.
         action: columns of an action.
         lengths: steps of every episode.

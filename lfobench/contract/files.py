@@ -14,7 +14,7 @@ GENERATED = "generated"
 
 @dataclass(frozen=True)
 class DataFile:
-    """A file, or the folder of a Minari dataset.
+    """A file, or the folder of a dataset.
 
     Attributes:
         name: what its source calls it, e.g. ``hopper-random-v2``.
@@ -23,6 +23,8 @@ class DataFile:
         sha256: of its bytes, where it is here.
         columns: how many of an observation's columns are read, from the first on; None reads all. D4RL's ant has 84
             that are zero throughout.
+        keys: what an observation is made of, in this order, where the file has a dictionary of them; None takes those
+            that are usual in its layout.
     """
 
     name: str
@@ -30,16 +32,31 @@ class DataFile:
     path: str | None = None
     sha256: str | None = None
     columns: int | None = None
+    keys: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         if not self.addresses and self.path is None:
             raise ValueError(f"data file '{self.name}' has neither an address nor a path")
         if self.columns is not None and self.columns < 1:
             raise ValueError(f"data file '{self.name}' has columns = {self.columns}; it must be at least 1")
+        if self.keys is not None:
+            check_keys(self.keys)
 
 
-def own_file(path: str | Path) -> DataFile:
-    """A user's file, called by its own name; ``~`` is the home folder.
+def check_keys(keys: object) -> None:
+    """Refuse what are no keys of an observation.
+
+    Raises:
+        ValueError: saying what they should be.
+    """
+    if not isinstance(keys, tuple) or not all(isinstance(key, str) and key and key.isprintable() for key in keys):
+        raise ValueError(f"keys are {keys!a}; they should be a tuple of names")
+    if not keys or len(set(keys)) < len(keys):
+        raise ValueError(f"keys are {keys!a}; at least one is named, and none twice")
+
+
+def own_file(path: str | Path, keys: tuple[str, ...] | None = None) -> DataFile:
+    """A user's file, called by its own name; ``~`` is the home folder, and `keys` are as `DataFile` has them.
 
     Raises:
         ValueError: the path is relative, and would be another file in another working folder; or it cannot
@@ -50,7 +67,7 @@ def own_file(path: str | Path) -> DataFile:
         raise ValueError(f"{str(place)!a} cannot be written down; name a link to it that can")
     if not place.is_absolute():
         raise ValueError(f"{path} is relative; write Path(__file__).parent / {str(path)!r} for one beside the suite")
-    return DataFile(place.stem or str(place), path=str(place))
+    return DataFile(place.stem or str(place), path=str(place), keys=keys)
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from lfobench.contract.diagnosis import Diagnosis, Finding, Mode, Severity
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray
 from lfobench.data import boundaries
+from lfobench.data.readers.checks import not_finite
+from lfobench.data.readers.hdf5 import enumerated
 from lfobench.data.readers.reading import Reading
-from lfobench.words import counted
+from lfobench.words import counted, shown
+
+FEWEST_TRIPLES = 2
+"""Of a part; the authors' buffer never samples its last row."""
+FEW_ROWS = 5
+"""That are named one by one."""
 
 
 def diagnose(reading: Reading, horizon: int | None = None, shortened: bool = False) -> Diagnosis:
@@ -25,7 +32,14 @@ def diagnose(reading: Reading, horizon: int | None = None, shortened: bool = Fal
     """
     episodes = reading.episodes
     order: list[Severity] = ["problem", "caution", "note"]
-    found = [*_values(reading), *_ends(reading, horizon, shortened), *_repetitions(episodes)]
+    found = [
+        *_amount(reading),
+        *_values(reading),
+        *_choice(reading),
+        *_ends(reading, horizon, shortened),
+        *doubtful_ends(episodes),
+        *_repetitions(episodes),
+    ]
     return Diagnosis(
         format=reading.format,
         observation=episodes.observations.shape[1],
@@ -47,22 +61,85 @@ def diagnose_part(episodes: Episodes, horizon: int) -> Diagnosis:
     return diagnose(Reading(episodes, "cached", rewards=rewarded, ends_known=known), horizon, shortened=True)
 
 
+def too_short(episodes: Episodes) -> str:
+    """Why nothing can be learned from episodes, as a clause; empty where something can."""
+    triples = boundaries.released_triples(boundaries.released_transitions(episodes))
+    if len(triples) >= FEWEST_TRIPLES:
+        return ""
+    have = "has" if len(triples) == 1 else "have"
+    return f"of its {counted(episodes.transitions, 'row')}, {len(triples)} {have} two successors in their episode"
+
+
+def doubtful_ends(episodes: Episodes) -> Iterator[Finding]:
+    """Last observations of episodes that do not look like where the last action led.
+
+    One that repeats, or is zero, counts where the observation before it does not.
+    """
+    observations, last = episodes.observations, episodes.last_observation
+    # A terminal that leads to where the next episode starts.
+    leads_on = np.flatnonzero(
+        (observations[last[:-1]] == observations[episodes.first_observation[1:]]).all(axis=1) & episodes.terminated[:-1]
+    )
+    if len(leads_on):
+        rows = np.cumsum(episodes.lengths)[leads_on] - 1
+        terminals = counted(len(rows), "terminal leads", "terminals lead")
+        text = f"{terminals} into the next episode ({_rows(rows)}): the next observation there is the following row's, "
+        text += "as in what D4RL's Q-learning view gives, and the true last observation is not in the file."
+        yield Finding("caution", "terminals-lead-on", len(rows), text)
+    long = episodes.lengths > 1
+    before = last - 1
+    repeats = (observations[last] == observations[before]).all(axis=1)
+    repeats[long] &= ~(observations[before[long]] == observations[before[long] - 1]).all(axis=1)
+    if count := int(repeats.sum()):
+        steps = counted(count, "last step leads to where it", "last steps lead to where they")
+        text = f"{steps} began: the observation is repeated in place of the one that ends the episode."
+        yield Finding("caution", "last-repeats", count, text)
+    zero = ~observations[last].any(axis=1) & observations[before].any(axis=1)
+    if count := int(zero.sum()):
+        steps = counted(count, "last step leads", "last steps lead")
+        text = f"{steps} to an observation of zeros, which stands for an unknown one, it seems."
+        yield Finding("caution", "last-zero", count, text)
+
+
 def rows_inside(expert: Episodes, offline: Episodes) -> int:
     """Expert rows (observation and action) that the offline part holds too, to the last bit."""
     return int(np.isin(_rows_as_bytes(expert), _rows_as_bytes(offline)).sum())
 
 
+def _amount(reading: Reading) -> Iterator[Finding]:
+    episodes = reading.episodes
+    if why := too_short(episodes):
+        yield Finding("problem", "too-short", episodes.transitions, f"Nothing can be learned from it: {why}.")
+    for name, said, there in (
+        ("episode", reading.declared_episodes, len(episodes.lengths)),
+        ("step", reading.declared_steps, episodes.transitions),
+    ):
+        if said is not None and said != there:
+            text = f"The file says that it has {counted(said, name)}, and has {there:,}."
+            yield Finding("caution", f"declared-{name}s", abs(said - there), text)
+
+
+def _choice(reading: Reading) -> Iterator[Finding]:
+    """What is read of the file, where there is more."""
+    read, left_out = reading.keys, reading.left_out
+    if left_out:
+        whole = sum(read.values()) + sum(left_out.values())
+        text = f"An observation is {_widths(read)}: {sum(read.values())} of {counted(whole, 'column')}. "
+        text += f"Left out: {_widths(left_out)}."
+        text += "" if reading.chosen else " Choose with keys=A+B in --source, or --keys of the doctor."
+        yield Finding("note" if reading.chosen else "caution", "keys-left-out", len(left_out), text)
+    if reading.not_read:
+        yield Finding("note", "not-read", len(reading.not_read), f"Not read: {enumerated(reading.not_read)}.")
+    for field, kinds in reading.kinds.items():
+        each = ", ".join(f"{kind} in {counted(count, 'array')}" for kind, count in kinds.items())
+        text = f"Number types of {shown(field)} differ: {each}. All are read as float32."
+        yield Finding("caution", "number-types", len(kinds), text)
+
+
 def _values(reading: Reading) -> Iterator[Finding]:
     episodes = reading.episodes
-    fields: dict[str, tuple[FloatArray, BoolArray]] = {
-        "observations": (episodes.observations, episodes.known),
-        "actions": (episodes.actions, np.ones(len(episodes.actions), np.bool_)),
-    }
-    if reading.rewards:
-        fields["rewards"] = (episodes.rewards[:, None], np.ones(len(episodes.rewards), np.bool_))
-    bad = {field: int((~np.isfinite(values).all(axis=1) & counts).sum()) for field, (values, counts) in fields.items()}
-    for field, count in (bad | {"next_observations": len(reading.not_finite)}).items():
-        if count:
+    for field, rows in not_finite(reading).items():
+        if count := len(rows):
             text = f"{counted(count, 'row')} of {field} {'has' if count == 1 else 'have'} a NaN or an infinity."
             yield Finding("problem", f"{field}-not-finite", count, text)
     sizes = np.abs(episodes.actions, where=np.isfinite(episodes.actions), out=np.zeros_like(episodes.actions))
@@ -70,8 +147,11 @@ def _values(reading: Reading) -> Iterator[Finding]:
         text = f"{counted(count, 'action leaves', 'actions leave')} [-1, 1], the farthest to {sizes.max():.3g}; "
         text += "environments clip them, policies cannot."
         yield Finding("caution", "actions-out-of-range", count, text)
-    for field in ("observations", "actions"):
-        values, counts = fields[field]
+    fields: dict[str, tuple[FloatArray, BoolArray]] = {
+        "observations": (episodes.observations, episodes.known),
+        "actions": (episodes.actions, np.ones(len(episodes.actions), np.bool_)),
+    }
+    for field, (values, counts) in fields.items():
         # A column with a NaN is none: NaN is not equal to itself.
         constant = np.flatnonzero((values[counts] == values[0]).all(axis=0)).tolist()
         if constant:
@@ -79,7 +159,10 @@ def _values(reading: Reading) -> Iterator[Finding]:
             text = f"{counted(len(constant), 'column')} of {field} {changes}"
             yield Finding("note", f"{field}-constant", len(constant), text)
     if not reading.rewards:
-        yield Finding("note", "no-rewards", 1, "There are no rewards, so no returns; no method reads them.")
+        lacks = counted(reading.rewardless, "episode or file has", "episodes or files have")
+        text = f"{lacks} no rewards, and none is read" if reading.rewardless else "There are no rewards"
+        text += ", so that the data has no returns and no score; no method reads them."
+        yield Finding("caution", "no-rewards", max(1, reading.rewardless), text)
 
 
 def _ends(reading: Reading, horizon: int | None, shortened: bool) -> Iterator[Finding]:
@@ -93,8 +176,16 @@ def _ends(reading: Reading, horizon: int | None, shortened: bool) -> Iterator[Fi
         text = f"{stand} whose next observation is the following row's ({_first(reading.misplaced)}): misplaced, "
         text += "perhaps by one row."
         yield Finding("caution", "misplaced-timeouts", misplaced, text)
-    if reading.unfinished:
-        yield Finding("note", "unfinished", 1, "The last episode has no end; it is read as cut by time.")
+    if count := len(reading.endless):
+        only_last = reading.endless.tolist() == [len(lengths) - 1]
+        which = "The last episode has" if only_last else counted(count, "episode has", "episodes have")
+        first = "" if only_last else f" ({'' if count == 1 else 'the first is '}episode {int(reading.endless[0]):,})"
+        text = f"{which} no end{first}; {'it is' if count == 1 else 'they are'} read as cut by time."
+        yield Finding("note" if only_last else "caution", "unfinished", count, text)
+    if count := len(reading.ended_within):
+        marked = counted(count, "row is marked as the last of its", "rows are marked as the last of their")
+        text = f"{marked} episode, and more of it follows ({_rows(reading.ended_within)}); the reader goes on."
+        yield Finding("caution", "ended-within", count, text)
     if count := reading.both_flags:
         text = f"{counted(count, 'episode is', 'episodes are')} both terminated and timed out."
         yield Finding("caution", "both-flags", count, text)
@@ -103,7 +194,8 @@ def _ends(reading: Reading, horizon: int | None, shortened: bool) -> Iterator[Fi
         yield Finding("note", "ends-unknown", len(lengths), text)
     if not reading.timeouts:
         text = "The file does not say which episodes time ended."
-        yield Finding("caution" if reading.format == "d4rl" else "note", "no-timeouts", len(lengths), text)
+        severity: Severity = "caution" if reading.format in ("d4rl", "npz") else "note"
+        yield Finding(severity, "no-timeouts", len(lengths), text)
     if horizon is not None:
         yield from _against_horizon(reading, horizon, shortened)
 
@@ -117,7 +209,8 @@ def _against_horizon(reading: Reading, horizon: int, shortened: bool) -> Iterato
         yield Finding("caution", "longer-than-horizon", count, text)
     flagged = ~episodes.terminated & reading.timeouts
     flagged[np.isin(np.cumsum(lengths) - 1, reading.gaps)] = False
-    if reading.unfinished or shortened:
+    flagged[reading.endless] = False
+    if shortened:
         flagged[-1] = False
     if count := int((flagged & (lengths < horizon)).sum()):
         text = f"{counted(count, 'episode was', 'episodes were')} cut by time before the horizon of {steps}."
@@ -177,6 +270,18 @@ def _rows_as_bytes(episodes: Episodes) -> np.ndarray:  # type: ignore[type-arg]
     """``[N]`` one opaque value per row."""
     rows = np.hstack((episodes.observations[episodes.observation_of_transition], episodes.actions))
     return np.ascontiguousarray(rows).view(np.dtype((np.void, rows.shape[1] * rows.itemsize)))[:, 0]
+
+
+def _widths(keys: Mapping[str, int]) -> str:
+    """``position (5), image``; those of no column are no list of vectors."""
+    return enumerated([f"{shown(key)} ({width})" if width else shown(key) for key, width in keys.items()])
+
+
+def _rows(rows: IntArray) -> str:
+    """``rows 299 and 549``, or the first of many."""
+    if 1 < len(rows) <= FEW_ROWS:
+        return f"rows {', '.join(f'{row:,}' for row in rows[:-1])} and {rows[-1]:,}"
+    return _first(rows)
 
 
 def _first(rows: IntArray) -> str:

@@ -116,7 +116,7 @@ def look(path: Path, wanted: Wanted) -> None:
     Raises:
         UserError: naming the file and what is wrong with it.
     """
-    found = examine_file(path, wanted.environment.horizon)
+    found = examine_file(path, wanted.environment.horizon, wanted.file.keys)
     if not found.usable:
         problem = next(finding.text for finding in found.findings if finding.severity == "problem")
         raise DataFileRefused(f"The data file {path} cannot be used: {problem}", "Download it again.")

@@ -28,6 +28,7 @@ from lfobench.data.doctor import diagnose
 from lfobench.data.readers.checks import check, with_columns
 from lfobench.data.readers.formats import read, sha256
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
+from lfobench.data.readers.keys import Keys
 from lfobench.errors import UserError
 from lfobench.plan.file_parts import FilePart
 
@@ -54,13 +55,13 @@ def import_file(root: Path, path: Path, part: FilePart) -> None:
     _carry_out(path, {"do": "import", "root": str(root), "path": str(path), "part": asdict(part)})
 
 
-def examine_file(path: Path, horizon: int | None) -> Diagnosis:
-    """What the doctor says of a file.
+def examine_file(path: Path, horizon: int | None, keys: Keys = None) -> Diagnosis:
+    """What the doctor says of a file, of whose observations `keys` are read.
 
     Raises:
         UserError: it cannot be read at all.
     """
-    told = _carry_out(path, {"do": "examine", "path": str(path), "horizon": horizon})
+    told = _carry_out(path, {"do": "examine", "path": str(path), "horizon": horizon, "keys": keys})
     return TypeAdapter(Diagnosis).validate_json(told)
 
 
@@ -96,9 +97,10 @@ def main() -> None:
     path = Path(order["path"])
     try:
         if order["do"] == "import":
-            _import(Path(order["root"]), path, FilePart(**order["part"]))
+            _import(Path(order["root"]), path, TypeAdapter(FilePart).validate_python(order["part"]))
         else:
-            sys.stdout.write(json.dumps(asdict(_examine(path, order["horizon"])), allow_nan=False))
+            keys = None if order["keys"] is None else tuple(order["keys"])
+            sys.stdout.write(json.dumps(asdict(_examine(path, order["horizon"], keys)), allow_nan=False))
     except UserError as error:
         sys.stdout.write(json.dumps({"problem": error.problem, "remedy": error.remedy}))
         raise SystemExit(REFUSED if isinstance(error, DataFileRefused) else FAILED) from error
@@ -111,7 +113,7 @@ def _most_memory() -> int:
 
 def _import(root: Path, path: Path, part: FilePart) -> None:
     with _problems_named(path):
-        reading = read(path, part.horizon)
+        reading = read(path, part.horizon, part.keys)
         check(reading)
         episodes = with_columns(reading.episodes, part.columns)
         if sha256(path) != part.sha256:
@@ -119,9 +121,9 @@ def _import(root: Path, path: Path, part: FilePart) -> None:
     PartCache(root, part).write(0, episodes)
 
 
-def _examine(path: Path, horizon: int | None) -> Diagnosis:
+def _examine(path: Path, horizon: int | None, keys: Keys) -> Diagnosis:
     with _problems_named(path):
-        return diagnose(read(path, horizon), horizon)
+        return diagnose(read(path, horizon, keys), horizon)
 
 
 @contextmanager

@@ -8,7 +8,8 @@ after; the file is only read again for it when it looks changed.
 from __future__ import annotations
 
 import hashlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from typing import NamedTuple
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from lfobench.contract.files import DataFile
-from lfobench.data.readers.formats import data_file, sha256
+from lfobench.data.readers.formats import sha256, stamp
 from lfobench.data.readers.hdf5 import FileProblem
 from lfobench.errors import UserError
 from lfobench.files import cannot_delete, exists, write_text
@@ -148,7 +149,8 @@ class Library(NamedTuple):
     def _own(self, file: DataFile) -> DataFile:
         path = self.place(OWN, file)
         if not exists(path):
-            raise UserError(f"No data file {path}.", "Name another with --source, or in the suite's file.")
+            what = f"The data file {path} is a link that leads nowhere" if path.is_symlink() else f"No data file {path}"
+            raise UserError(f"{what}.", "Name another with --source, or in the suite's file.")
         note = self.note(OWN, file)
         if note is None or note.stamp != _stamp(path):
             found, stamp = _hash(path)
@@ -174,28 +176,29 @@ def _is_own(file: DataFile) -> bool:
 
 
 def _stamp(path: Path) -> tuple[int, int, int]:
-    found = _content(path).stat()
-    return found.st_size, found.st_mtime_ns, found.st_ctime_ns
+    with _refusals_named(path):
+        return stamp(path)
 
 
 def _hash(path: Path) -> tuple[str, tuple[int, int, int]]:
     """SHA-256 and stamp of the same bytes."""
-    try:
+    with _refusals_named(path):
         for _ in range(3):
-            before = _stamp(path)
-            found = sha256(_content(path))
-            if _stamp(path) == before:
+            before = stamp(path)
+            found = sha256(path)
+            if stamp(path) == before:
                 return found, before
-    except OSError as error:
-        raise UserError(f"Cannot read {path}: {error.strerror}.", "Name another file.") from error
     raise UserError(f"The data file {path} is being written to.", "Wait until it is whole, and run the command again.")
 
 
-def _content(path: Path) -> Path:
+@contextmanager
+def _refusals_named(path: Path) -> Iterator[None]:
     try:
-        return data_file(path)
+        yield
     except FileProblem as problem:
         raise UserError(f"The data file {path} cannot be used: {problem.cause}.", problem.remedy) from problem
+    except OSError as error:
+        raise UserError(f"Cannot read {path}: {error.strerror}.", "Name another file.") from error
 
 
 def _no_telling(note: Path, why: str, file: DataFile) -> UserError:

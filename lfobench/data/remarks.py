@@ -10,13 +10,11 @@ import numpy as np
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Warning
 from lfobench.contract.suite import Recipe, Task, TrajectoryRecipe
-from lfobench.data import boundaries
+from lfobench.data.doctor import doubtful_ends, too_short
 from lfobench.data.source import TaskData
 from lfobench.errors import UserError
 from lfobench.words import counted
 
-FEWEST_TRIPLES = 2
-"""Of a part; the authors' buffer never samples its last row."""
 FEWEST_EPISODES = 10
 """Of experts, to say of one of them that it is worse than they are."""
 ROUNDING = 1e-6
@@ -33,11 +31,9 @@ def check_parts(data: TaskData) -> None:
     if read is None:
         return
     for file, episodes in ((read.offline, data.offline), (read.expert, data.expert)):
-        triples = boundaries.released_triples(boundaries.released_transitions(episodes))
-        if file is not None and len(triples) < FEWEST_TRIPLES:
+        if file is not None and (why := too_short(episodes)):
             raise UserError(
-                f"Nothing can be learned from the data file {file.path}: of its "
-                f"{counted(episodes.transitions, 'row')}, {len(triples)} have two successors in their episode.",
+                f"Nothing can be learned from the data file {file.path}: {why}.",
                 "Name another file; 'lfobench data doctor' says how this one is cut.",
             )
 
@@ -54,9 +50,10 @@ def unbounded_actions(task: Task) -> Iterator[Warning]:
 
 
 def remarks(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
-    """What is not as the recipe or the environment has it, for a method of these needs."""
+    """What is not as the recipe or the environment has it, for a method of these needs, and ends that are in doubt."""
     yield from unbounded_actions(data.task)
     yield from _outside_the_box(data)
+    yield from _doubtful(data)
     if isinstance(data.recipe, TrajectoryRecipe):
         return  # every recorded demonstration is observed, the failed ones among them; the record says how many succeed
     yield from _short(data, data.recipe, needs)
@@ -75,6 +72,15 @@ def _outside_the_box(data: TaskData) -> Iterator[Warning]:
                 f"{'leaves' if count == 1 else 'leave'} [-1, 1]{'' if box.is_unit else f', scaled from {box}'}, the "
                 f"farthest to {np.nanmax(sizes):.3g}. They are learned from as they are; no policy can repeat them.",
                 remedy="Clip them in the file where its simulator did, or look for another scale of its actions.",
+            )
+
+
+def _doubtful(data: TaskData) -> Iterator[Warning]:
+    for part, file in data.files.items():
+        for finding in doubtful_ends(data.offline if part == "offline" else data.expert):
+            yield Warning(
+                what=f"{file['name']}: {finding.text}",
+                remedy="Save it with the observation that every episode ends in; 'lfobench data doctor' says more.",
             )
 
 

@@ -25,6 +25,7 @@ class FilePart:
         sha256: of its bytes; empty of a file that is not here.
         horizon: steps after which an episode is cut, where the file does not say.
         columns: how many of an observation's columns are read; None reads all.
+        keys: what an observation is made of; None leaves it to the file's layout.
         readers: version of the readers.
     """
 
@@ -32,6 +33,7 @@ class FilePart:
     sha256: str
     horizon: int
     columns: int | None = None
+    keys: tuple[str, ...] | None = None
     readers: int = READERS
 
     @property
@@ -39,7 +41,8 @@ class FilePart:
         """As plain JSON data; neither the file's name nor where it lies is among it."""
         if not self.sha256:
             return {"absent": self.name}
-        return {"sha256": self.sha256, "horizon": self.horizon, "columns": self.columns, "readers": self.readers}
+        identity = {"sha256": self.sha256, "horizon": self.horizon, "columns": self.columns, "readers": self.readers}
+        return identity if self.keys is None else {**identity, "keys": list(self.keys)}
 
     @cached_property
     def hash(self) -> str:
@@ -63,4 +66,4 @@ class FilePart:
 
 def file_part(file: DataFile, horizon: int) -> FilePart:
     """The part that a file is in an environment of that horizon."""
-    return FilePart(file.name, file.sha256 or "", horizon, file.columns)
+    return FilePart(file.name, file.sha256 or "", horizon, file.columns, file.keys)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from lfobench.contract.files import GENERATED, DataFile, Files, own_file
+from lfobench.contract.files import GENERATED, DataFile, Files, check_keys, own_file
 from lfobench.contract.suite import Suite, Task, TrajectoryRecipe
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.names import split_names
@@ -15,7 +15,7 @@ from lfobench.plan.names import split_names
 OWN = "files"
 """Files that the user names. Any other source but the generated one is one that a suite declares."""
 
-PARTS = ("offline", "expert")
+PARTS, KEYS = ("offline", "expert"), "keys"
 
 Find = Callable[[DataFile, str], DataFile]
 """A file and its source to the same file with its path and hash, where it is here."""
@@ -31,7 +31,7 @@ def choose_source(text: str, suite: Suite) -> tuple[str, Files | None]:
 
     Args:
         text: ``auto``, ``generated``, a source that the suite declares, or ``offline=PATH,expert=PATH``, of which one
-            may be left out.
+            may be left out; ``keys=A+B`` says what an observation of both is made of, ``offline.keys=A+B`` of one.
         suite: whose source it is; for ``auto``, what can be generated is, and else its first source is taken.
 
     Raises:
@@ -52,21 +52,47 @@ def choose_source(text: str, suite: Suite) -> tuple[str, Files | None]:
     raise unknown_name("source", text, ["auto", GENERATED, *declared, "offline=PATH,expert=PATH"])
 
 
+def split_keys(text: str) -> tuple[str, ...]:
+    """``A+B`` to the keys that an observation is made of.
+
+    Raises:
+        UserError: one is empty or named twice.
+    """
+    keys = tuple(text.split("+"))
+    try:
+        check_keys(keys)
+    except ValueError as error:
+        raise UserError(f"{text!a} does not say what an observation is made of: {error}.", "Write keys=A+B.") from error
+    return keys
+
+
 def _own(text: str) -> Files:
-    parts: dict[str, DataFile] = {}
+    values: dict[str, str] = {}
     for pair in split_names(text):
-        part, _, path = pair.partition("=")
-        if part not in PARTS or not path:
+        name, _, value = pair.partition("=")
+        if name not in (*PARTS, KEYS, *(f"{part}.{KEYS}" for part in PARTS)) or not value:
             raise UserError(
                 f"--source {text}: '{pair}' is not a part and its path.",
-                "Write offline=PATH,expert=PATH. To a path with a comma in it, make a link.",
+                "Write offline=PATH,expert=PATH, and keys=A+B for what an observation is made of. To a path with a "
+                "comma in it, make a link.",
             )
-        if part in parts:
-            raise UserError(f"--source names the {part} part twice.", "Name each part once.")
-        try:
-            parts[part] = own_file(str(Path(path).expanduser().resolve()))
-        except ValueError as error:
-            raise UserError(f"--source: {error}.") from error
+        if name in values:
+            raise UserError(f"--source names {name} twice.", "Name each part once.")
+        values[name] = value
+    parts: dict[str, DataFile] = {}
+    for part in PARTS:
+        keys = values.get(f"{part}.{KEYS}", values.get(KEYS))
+        if part in values:
+            try:
+                # Links stay links: one may stand for a path that cannot be written here.
+                place = Path(values[part]).expanduser().absolute()
+                parts[part] = own_file(str(place), None if keys is None else split_keys(keys))
+            except (ValueError, RuntimeError) as error:  # no home folder of that name
+                raise UserError(f"--source: {error}.") from error
+        elif f"{part}.{KEYS}" in values:
+            raise UserError(f"--source names keys of the {part} part, and no file.", f"Add {part}=PATH.")
+    if not parts:
+        raise UserError(f"--source {text} names no file.", "Write offline=PATH,expert=PATH.")
     return Files(offline=parts.get("offline"), expert=parts.get("expert"))
 
 
@@ -119,7 +145,11 @@ def spelled(task: Task, source: str) -> str:
     if source != OWN or task.read_from is None:
         return source
     files = {"offline": task.read_from.offline, "expert": task.read_from.expert}
-    return ",".join(f"{part}={file.path}" for part, file in files.items() if file is not None)
+    return ",".join(
+        f"{part}={file.path}" + (f",{part}.{KEYS}={'+'.join(file.keys)}" if file.keys else "")
+        for part, file in files.items()
+        if file is not None
+    )
 
 
 def absent_files(tasks: Sequence[Task]) -> list[DataFile]:

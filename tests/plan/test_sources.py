@@ -55,7 +55,7 @@ def test_own_files_by_part(suite: Suite) -> None:
         ("theer", "Did you mean 'there'"),
         ("some.hdf5", "does not say which part the file is.*--source offline=some.hdf5"),
         ("middle=a.hdf5", "'middle=a.hdf5' is not a part and its path"),
-        ("offline=a.hdf5,offline=b.hdf5", "names the offline part twice"),
+        ("offline=a.hdf5,offline=b.hdf5", "names offline twice"),
         ("offline=", "'offline=' is not a part and its path"),
     ],
 )

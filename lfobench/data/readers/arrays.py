@@ -1,7 +1,7 @@
-"""Arrays of HDF5 files from anywhere, read with suspicion.
+"""Arrays of files from anywhere, read with suspicion: every one is of plain numbers.
 
-Nothing is followed out of the file (external and virtual storage), no filter is loaded that HDF5 does not bring along,
-no array is made that is out of proportion to the file, and every array is of plain numbers.
+Of an HDF5 file, nothing is followed out of it (external and virtual storage), no filter is loaded that HDF5 does not
+bring along, and no array is made that is out of proportion to the file.
 """
 
 from __future__ import annotations
@@ -9,13 +9,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from lfobench.data.readers.hdf5 import AGAIN, DAMAGE, OTHER, FileProblem, member, path_of, short
+from lfobench.data.readers.hdf5 import (
+    AGAIN,
+    DAMAGE,
+    OTHER,
+    FileProblem,
+    Remedy,
+    another,
+    member,
+    path_of,
+    short,
+)
 from lfobench.words import counted, shown
 
 MOST_INFLATION = 1_100
@@ -35,9 +45,73 @@ _FILTER_NAMES = {
 }
 
 
+class PlainArray(Protocol):
+    """An array of plain numbers, checked, wherever it lies.
+
+    Attributes:
+        field: its path in the file.
+        shape: of the array.
+        kind: of its numbers, e.g. ``float64``.
+        block: rows that are read at once.
+    """
+
+    @property
+    def field(self) -> str: ...  # noqa: D102
+    @property
+    def shape(self) -> tuple[int, ...]: ...  # noqa: D102
+    @property
+    def kind(self) -> str: ...  # noqa: D102
+    @property
+    def block(self) -> int: ...  # noqa: D102
+    @property
+    def rows(self) -> int:
+        """Length of the first axis."""
+        ...
+
+    def read(self, start: int = 0, stop: int | None = None) -> NDArray[Any]:
+        """Rows `start` to `stop`.
+
+        Raises:
+            FileProblem: when the bytes cannot be read.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """An array in memory; as `PlainArray`."""
+
+    field: str
+    values: NDArray[Any]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the array."""
+        return self.values.shape
+
+    @property
+    def kind(self) -> str:
+        """Of its numbers."""
+        return self.values.dtype.name
+
+    @property
+    def block(self) -> int:
+        """All of its rows: they are there."""
+        return max(1, self.rows)
+
+    @property
+    def rows(self) -> int:
+        """Length of the first axis."""
+        return len(self.values)
+
+    def read(self, start: int = 0, stop: int | None = None) -> NDArray[Any]:
+        """Rows `start` to `stop`."""
+        return self.values[start:stop]
+
+
 @dataclass(frozen=True, slots=True)
 class Array:
-    """An array of plain numbers in a file, checked and not yet read.
+    """An array in an HDF5 file, not yet read; as `PlainArray`.
 
     It is open only while it is checked and while it is read: a file may have one for every field of every episode, and
     what HDF5 holds of an open one is more than most of them have in them.
@@ -46,12 +120,14 @@ class Array:
         group: that it lies in.
         name: in the group.
         shape: of the array.
+        kind: of its numbers.
         block: rows that are read at once: whole chunks, and about `BLOCK_BYTES`.
     """
 
     group: h5py.Group
     name: str
     shape: tuple[int, ...]
+    kind: str
     block: int
 
     @property
@@ -82,7 +158,7 @@ class Array:
         return read
 
 
-def blocks(arrays: Sequence[Array], further: int = 0) -> Iterator[tuple[int, list[NDArray[Any]]]]:
+def blocks(arrays: Sequence[PlainArray], further: int = 0) -> Iterator[tuple[int, list[NDArray[Any]]]]:
     """Every row of arrays of equal length, block by block.
 
     Args:
@@ -114,31 +190,28 @@ def in_proportion(parts: Sequence[Array]) -> None:
         )
 
 
-def array(group: h5py.Group, name: str, dimensions: int) -> Array:
-    """An array of plain numbers directly below a group.
+def array(group: h5py.Group, name: str, dimensions: int, remedy: Remedy = another) -> Array:
+    """An array of plain numbers directly below a group; `remedy` is for one that is missing.
 
     Raises:
         FileProblem: it is missing, or not what it should be; the field is named.
     """
     field = path_of(group, name)
-    found = member(group, name)
+    found = member(group, name, remedy)
     if not isinstance(found, h5py.Dataset):
         raise FileProblem(f"'{field}' is not an array", OTHER)
     try:
-        shape, block = _checked(found, field, dimensions)
+        return Array(group, name, *_checked(found, field, dimensions))
     except DAMAGE as error:
         raise FileProblem(f"field '{field}' is damaged ({short(error)})", AGAIN) from error
-    return Array(group, name, shape, block)
 
 
-def _checked(found: h5py.Dataset, field: str, dimensions: int) -> tuple[tuple[int, ...], int]:
-    """Shape of an array and rows of a block."""
+def _checked(found: h5py.Dataset, field: str, dimensions: int) -> tuple[tuple[int, ...], str, int]:
+    """Shape of an array, kind of its numbers and rows of a block."""
     kind, shape, plist = found.dtype, found.shape, found.id.get_create_plist()
-    if kind.kind not in "biuf" or kind.itemsize > 8 or kind.names is not None:
-        raise FileProblem(f"field '{field}' holds {_spelled(kind)}, not plain numbers", OTHER)
-    if shape is None or len(shape) != dimensions:
-        there = "nothing" if shape is None else counted(len(shape), "dimension")
-        raise FileProblem(f"field '{field}' has {there}; it should have {dimensions}", OTHER)
+    if shape is None:
+        raise FileProblem(f"field '{field}' has nothing; it should have {counted(dimensions, 'dimension')}", OTHER)
+    check_plain(field, kind, shape, dimensions)
     layout = plist.get_layout()
     if layout == h5py.h5d.VIRTUAL or plist.get_external_count():
         raise FileProblem(f"field '{field}' lies in other files, which are never followed", OTHER)
@@ -147,8 +220,6 @@ def _checked(found: h5py.Dataset, field: str, dimensions: int) -> tuple[tuple[in
             f"field '{field}' needs the filter {unknown[0]}, and none is loaded from outside",
             "Repack it: h5repack -f GZIP=4 FILE NEW.",
         )
-    if 0 in shape[1:]:
-        raise FileProblem(f"field '{field}' has no column", OTHER)
     stored, whole = found.id.get_storage_size(), math.prod(shape) * kind.itemsize
     if whole > MOST_INFLATION * stored:
         raise FileProblem(
@@ -156,7 +227,7 @@ def _checked(found: h5py.Dataset, field: str, dimensions: int) -> tuple[tuple[in
         )
     width = kind.itemsize * math.prod(shape[1:])
     if layout != h5py.h5d.CHUNKED:
-        return shape, max(1, BLOCK_BYTES // width)
+        return shape, kind.name, max(1, BLOCK_BYTES // width)
     chunks = plist.get_chunk()
     if math.prod(chunks) * kind.itemsize > MOST_CHUNK_BYTES:
         raise FileProblem(f"field '{field}' has chunks {chunks}, too large to be read in parts", OTHER)
@@ -167,7 +238,21 @@ def _checked(found: h5py.Dataset, field: str, dimensions: int) -> tuple[tuple[in
             f"{'is' if there == 1 else 'are'} there",
             AGAIN,
         )
-    return shape, max(chunks[0], BLOCK_BYTES // width // chunks[0] * chunks[0])
+    return shape, kind.name, max(chunks[0], BLOCK_BYTES // width // chunks[0] * chunks[0])
+
+
+def check_plain(field: str, kind: np.dtype[Any], shape: tuple[int, ...], dimensions: int) -> None:
+    """Refuses what is no array of plain numbers with so many dimensions and at least one column.
+
+    Raises:
+        FileProblem: naming the field.
+    """
+    if kind.kind not in "biuf" or kind.itemsize > 8 or kind.names is not None:
+        raise FileProblem(f"field '{field}' holds {_spelled(kind)}, not plain numbers", OTHER)
+    if len(shape) != dimensions:
+        raise FileProblem(f"field '{field}' has {counted(len(shape), 'dimension')}; it should have {dimensions}", OTHER)
+    if 0 in shape[1:]:
+        raise FileProblem(f"field '{field}' has no column", OTHER)
 
 
 def _filters(plist: h5py.h5p.PropDCID) -> list[str]:

@@ -6,31 +6,45 @@ from dataclasses import replace
 
 import numpy as np
 
-from lfobench.contract.episodes import BoolArray, Episodes, IntArray
+from lfobench.contract.episodes import Episodes, IntArray
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
 from lfobench.data.readers.reading import Reading
 from lfobench.words import counted
 
 
-def check(reading: Reading) -> None:
-    """Refuses a file with values that are not finite, but for those that mark an unknown last observation.
+def not_finite(reading: Reading) -> dict[str, IntArray]:
+    """Rows ``[B]`` of every field that have a value that is no finite number.
 
-    Raises:
-        FileProblem: naming the field and the first such row.
+    Those that mark a last observation as unknown are none, where the file does not say in which an episode ends.
     """
     episodes = reading.episodes
     ends = np.zeros(len(episodes.observations), np.bool_)
     ends[episodes.last_observation] = True
-    unknown = np.zeros(len(episodes.lengths), np.bool_) if reading.ends_known else episodes.unknown_ends
     finite = np.isfinite(episodes.observations).all(axis=1)
-    _check("observations", finite[~ends])
-    _check("next_observations", finite[ends][~unknown], np.cumsum(episodes.lengths)[~unknown] - 1)
-    within = np.ones(episodes.transitions, np.bool_)
-    within[reading.not_finite] = False
-    _check("next_observations", within)
-    _check("actions", np.isfinite(episodes.actions).all(axis=1))
-    if reading.rewards:
-        _check("rewards", np.isfinite(episodes.rewards))
+    reached = finite[ends]
+    if not reading.ends_known:
+        reached |= episodes.unknown_ends
+    last = np.cumsum(episodes.lengths) - 1
+    return {
+        "observations": np.flatnonzero(~finite[~ends]),
+        "next_observations": np.union1d(last[~reached], reading.not_finite),
+        "actions": np.flatnonzero(~np.isfinite(episodes.actions).all(axis=1)),
+        "rewards": np.flatnonzero(~np.isfinite(episodes.rewards) & reading.rewards),
+    }
+
+
+def check(reading: Reading) -> None:
+    """Refuses a file with values that are not finite.
+
+    Raises:
+        FileProblem: naming the field and the first such row.
+    """
+    for field, rows in not_finite(reading).items():
+        if len(rows):
+            raise FileProblem(
+                f"field '{field}' has a value that is no finite number, the first in row {int(rows[0]):,}",
+                f"{OTHER} 'lfobench data doctor' tells how many there are.",
+            )
 
 
 def with_columns(episodes: Episodes, columns: int | None) -> Episodes:
@@ -45,14 +59,3 @@ def with_columns(episodes: Episodes, columns: int | None) -> Episodes:
         has = counted(there, "column")
         raise FileProblem(f"field 'observations' has {has}, and {columns} are to be read", OTHER)
     return replace(episodes, observations=np.ascontiguousarray(episodes.observations[:, :columns]))
-
-
-def _check(field: str, finite: BoolArray, rows: IntArray | None = None) -> None:
-    if finite.all():
-        return
-    first = int(np.argmin(finite))
-    row = first if rows is None else int(rows[first])
-    raise FileProblem(
-        f"field '{field}' has a value that is no finite number, the first in row {row:,}",
-        f"{OTHER} 'lfobench data doctor' tells how many there are.",
-    )

@@ -8,14 +8,33 @@ may be missing. Without ``timeouts``, an episode ends when its step counter reac
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import h5py
 import numpy as np
 
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray
-from lfobench.data.readers.arrays import Array, array, blocks
+from lfobench.data.readers.arrays import PlainArray, array, blocks
 from lfobench.data.readers.hdf5 import OTHER, FileProblem, members
-from lfobench.data.readers.reading import Reading, as_float32, flags, numbers, row_numbers, same_columns, same_rows
+from lfobench.data.readers.reading import (
+    Reading,
+    as_float32,
+    differing_kinds,
+    flags,
+    numbers,
+    row_numbers,
+    same_columns,
+    same_rows,
+)
 
+DIMENSIONS = {
+    "observations": 2,
+    "actions": 2,
+    "terminals": 1,
+    "timeouts": 1,
+    "rewards": 1,
+    "next_observations": 2,
+}
 ESSENTIAL = ("observations", "actions", "terminals")
 CONTINUES = 1e-6
 """Distance below which a next observation is the following observation (methods.md 2.2)."""
@@ -38,31 +57,55 @@ def read(root: h5py.File, horizon: int | None = None) -> Reading:
         FileProblem: naming the field.
     """
     names = members(root)
-    observations, actions = array(root, "observations", 2), array(root, "actions", 2)
-    following = array(root, "next_observations", 2) if "next_observations" in names else None
-    rewards = array(root, "rewards", 1) if "rewards" in names else None
-    marks = [array(root, name, 1) for name in ("terminals", "timeouts") if name in names]
-    same_rows(
-        [found for found in (actions, rewards, following, *marks) if found is not None],
-        observations.rows,
-        "'observations'",
-    )
-    if not observations.rows:
-        raise FileProblem("field 'observations' has no row", OTHER)
-    if following is not None:
-        same_columns(following, observations.shape[1], "'observations'")
+    found = {name: array(root, name, dimensions) for name, dimensions in DIMENSIONS.items() if name in names}
+    return flat(found, "d4rl", horizon, not_read=tuple(name for name in names if name not in DIMENSIONS))
 
-    terminals, *timed = map(flags, marks)
+
+def flat(
+    fields: Mapping[str, PlainArray],
+    layout: str,
+    horizon: int | None,
+    ends: BoolArray | None = None,
+    not_read: tuple[str, ...] = (),
+) -> Reading:
+    """Flat arrays, wherever they lie, as episodes.
+
+    Args:
+        fields: by their names in this layout; observations and actions are there, and terminals or `ends`.
+        layout: what the reading is called.
+        horizon: as for `read`.
+        ends: ``[N]``; True where an episode ends by the structure of its files, whatever flags say.
+        not_read: names of what else is there.
+
+    Raises:
+        FileProblem: naming the field.
+    """
+    observations, actions = fields["observations"], fields["actions"]
+    following, rewards = fields.get("next_observations"), fields.get("rewards")
+    same_rows(fields.values(), observations.rows, f"'{observations.field}'")
+    if not observations.rows:
+        raise FileProblem(f"field '{observations.field}' has no row", OTHER)
+    if following is not None:
+        same_columns(following, observations.shape[1], f"'{observations.field}'")
+
+    nowhere = np.zeros(observations.rows, np.bool_)
+    terminals = flags(fields["terminals"]) if "terminals" in fields else nowhere
+    timed = flags(fields["timeouts"]) if "timeouts" in fields else None
     breaks, goes_on, not_finite = _breaks(observations, following)
-    timeouts = timed[0] if timed else _cut_at_horizon(terminals | breaks, horizon)
-    if not (terminals | timeouts).any():
-        raise _no_end(bool(timed), horizon)
-    gaps = np.flatnonzero(breaks & ~(terminals | timeouts))
-    unmarked = ~(terminals | timeouts | breaks)
-    unfinished = bool(unmarked[-1])
+    timeouts = timed
+    if timeouts is None:
+        timeouts = nowhere if ends is not None else _cut_at_horizon(terminals | breaks, horizon)
+    marked = terminals | timeouts | (nowhere if ends is None else ends)
+    if not marked.any():
+        raise _no_end(timed is not None, horizon)
+    gaps = np.flatnonzero(breaks & ~marked)
+    unmarked = ~(marked | breaks)
     last = np.flatnonzero(~unmarked)
-    if unfinished:
+    if unmarked[-1]:
         last = np.append(last, observations.rows - 1)
+    # Without time-outs, nothing is missing where an archive ends without a flag.
+    unflagged = ~breaks if ends is None else ends & (timed is not None)
+    endless = (unflagged & ~(terminals | timeouts))[last]
     lengths = np.diff(last, prepend=-1).astype(np.int64)
     episodes = Episodes(
         _stacked(observations, following, lengths, last),
@@ -73,15 +116,17 @@ def read(root: h5py.File, horizon: int | None = None) -> Reading:
     )
     return Reading(
         episodes,
-        "d4rl",
+        layout,
+        not_read=not_read,
         rewards=rewards is not None,
-        timeouts=bool(timed),
+        timeouts=timed is not None,
         ends_known=following is not None,
         gaps=gaps,
-        misplaced=np.flatnonzero(timed[0] & goes_on) if timed else np.zeros(0, np.int64),
+        misplaced=np.flatnonzero(nowhere if timed is None else timed & goes_on),
         not_finite=np.flatnonzero(not_finite & unmarked),
-        unfinished=unfinished,
+        endless=np.flatnonzero(endless),
         both_flags=int((terminals & timeouts).sum()),
+        kinds=differing_kinds({"observations": [observations, *([] if following is None else [following])]}),
     )
 
 
@@ -111,7 +156,7 @@ def _no_end(flagged: bool, horizon: int | None) -> FileProblem:
     )
 
 
-def _breaks(observations: Array, following: Array | None) -> tuple[BoolArray, BoolArray, BoolArray]:
+def _breaks(observations: PlainArray, following: PlainArray | None) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Where episodes break, where they go on, and where that cannot be told.
 
     Returns:
@@ -123,8 +168,13 @@ def _breaks(observations: Array, following: Array | None) -> tuple[BoolArray, Bo
     breaks, goes_on, not_finite = np.zeros((3, observations.rows), np.bool_)
     if following is None:
         return breaks, goes_on, not_finite
+    # Next observations that are kept with fewer digits continue an episode where they agree in those.
+    kinds = [np.dtype(each.kind) for each in (observations, following)]
+    coarser = min(kinds, key=lambda kind: kind.itemsize) if all(kind.kind == "f" for kind in kinds) else None
     for start, (these, nexts) in blocks([observations, following], further=1):
         with np.errstate(invalid="ignore", over="ignore"):
+            if coarser is not None and kinds[0] != kinds[1]:
+                these, nexts = these.astype(coarser), nexts.astype(coarser)
             differences = nexts[:-1].astype(np.float64) - these[1:]
             comparable = np.isfinite(nexts[:-1]) & np.isfinite(these[1:])
             squares = np.square(differences, where=comparable, out=np.zeros_like(differences)).sum(axis=1)
@@ -135,7 +185,7 @@ def _breaks(observations: Array, following: Array | None) -> tuple[BoolArray, Bo
     return breaks, goes_on, not_finite
 
 
-def _stacked(observations: Array, following: Array | None, lengths: IntArray, last: IntArray) -> FloatArray:
+def _stacked(observations: PlainArray, following: PlainArray | None, lengths: IntArray, last: IntArray) -> FloatArray:
     """Observations of episodes ``[N + E, obs]``: those of the rows, and after a `last` one that which it leads to."""
     stacked = np.empty((observations.rows + len(lengths), observations.shape[1]), np.float32)
     place = row_numbers(lengths)

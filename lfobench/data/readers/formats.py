@@ -1,73 +1,117 @@
-"""Which reader a file is for."""
+"""Which reader a file or folder is for, and which bytes it consists of."""
 
 from __future__ import annotations
 
 import hashlib
 from pathlib import Path
 
-from lfobench.data.readers import d4rl, minari, robomimic
-from lfobench.data.readers.hdf5 import OTHER, FileProblem, listed, opened
+from lfobench.data.readers import d4rl, lerobot, minari, npz, robomimic
+from lfobench.data.readers.hdf5 import OTHER, FileProblem, enumerated, members, opened
+from lfobench.data.readers.keys import Keys, no_choice
 from lfobench.data.readers.reading import Reading
-from lfobench.data.readers.start import check_start
+from lfobench.data.readers.start import check_start, is_archive
 
 IN_MINARI_FOLDER = Path("data") / "main_data.hdf5"
 
 
-def data_file(path: Path) -> Path:
-    """The HDF5 file behind a path: itself, or that of a Minari dataset's folder.
+def data_files(path: Path) -> list[Path]:
+    """The files behind a path: itself, that of a Minari dataset's folder, or those of LeRobot's or of NPZ archives.
 
     Raises:
-        FileProblem: a folder that is no Minari dataset.
+        FileProblem: it is neither a file nor a folder with a dataset.
+        OSError: a folder cannot be listed.
     """
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise FileProblem("it is neither a file nor a folder", OTHER)
     if not path.is_dir():
-        return path
+        return [path]
     for inside in (IN_MINARI_FOLDER, Path(IN_MINARI_FOLDER.name)):
         if (path / inside).is_file():
-            return path / inside
-    raise FileProblem(f"it is a folder without {IN_MINARI_FOLDER}, so no Minari dataset", "Name a file.")
+            return [path / inside]
+    if lerobot.is_lerobot(path):
+        return lerobot.files_of(path)
+    if archives := npz.archives(path):
+        return archives
+    raise FileProblem(
+        f"it is a folder without {IN_MINARI_FOLDER} (Minari), {lerobot.INFO} (LeRobot) or *{npz.SUFFIX}", "Name a file."
+    )
+
+
+def stamp(path: Path) -> tuple[int, int, int]:
+    """Bytes and latest times of the files behind a path: what changes whenever one of them does.
+
+    Raises:
+        FileProblem: as `data_files` does.
+        OSError: a file cannot be looked at.
+    """
+    found = [file.stat() for file in data_files(path)]
+    return (
+        sum(each.st_size for each in found),
+        max(each.st_mtime_ns for each in found),
+        max(each.st_ctime_ns for each in found),
+    )
 
 
 def sha256(path: Path) -> str:
-    """SHA-256 (hex) of the HDF5 file behind a path.
+    """SHA-256 (hex) of the file behind a path; of a folder's, of lines ``HASH  NAME`` in the order they are read in.
+
+    The one file of a Minari dataset is the same as its folder.
 
     Raises:
-        FileProblem: a folder that is no Minari dataset.
-        OSError: it cannot be read.
+        FileProblem: as `data_files` does.
+        OSError: a file cannot be read.
     """
-    with data_file(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    files = data_files(path)
+    hashes = []
+    for each in files:
+        with each.open("rb") as file:
+            hashes.append(hashlib.file_digest(file, "sha256").hexdigest())
+    if files == [path] or files[0].name == IN_MINARI_FOLDER.name:
+        return hashes[0]
+    lines = (f"{mark}  {file.relative_to(path).as_posix()}\n" for mark, file in zip(hashes, files, strict=True))
+    return hashlib.sha256("".join(lines).encode(errors="surrogateescape")).hexdigest()
 
 
-def read(path: Path, horizon: int | None = None) -> Reading:
-    """The episodes of a file, by whichever reader knows its layout.
+def read(path: Path, horizon: int | None = None, keys: Keys = None) -> Reading:
+    """The episodes of a file or a folder, by whichever reader knows its layout.
 
     Args:
-        path: an HDF5 file, or a Minari dataset's folder.
+        path: an HDF5 file, an NPZ archive, or a folder as `data_files` knows it.
         horizon: steps after which an episode is cut, for files that do not say it themselves.
+        keys: what an observation is made of, where there is a choice; None takes those of the layout.
 
     Raises:
         FileProblem: what is wrong with it.
         OSError: it cannot be read.
     """
-    file = data_file(path)
+    files = data_files(path)
+    if files[0] == path / lerobot.INFO:
+        return lerobot.read(path, keys)
+    in_folder = files[0] != path and files[0].suffix == npz.SUFFIX
+    if in_folder or is_archive(files[0]):
+        if keys is not None:
+            raise no_choice("NPZ")
+        return npz.read(files, horizon, in_folder)
+    (file,) = files
     check_start(file)
     with opened(file) as root:
         if minari.is_minari(root):
-            return minari.read(root)
+            return minari.read(root, keys)
         if robomimic.is_robomimic(root):
-            return robomimic.read(root)
+            return robomimic.read(root, keys)
         lacking = d4rl.lacking(root)
         if not lacking:
+            if keys is not None:
+                raise no_choice("D4RL")
             return d4rl.read(root, horizon)
         if len(lacking) == 1:
             raise FileProblem(
-                f"it is in D4RL's layout but for the field '{lacking[0]}', which is missing (there: {listed(root)})",
+                f"it is in D4RL's layout but for the field '{lacking[0]}', which is missing "
+                f"(there: {enumerated(members(root))})",
                 OTHER,
             )
         raise FileProblem(
             f"it has none of the known layouts: D4RL's needs the fields observations, actions and terminals, Minari's "
-            f"groups episode_0, …, robomimic's groups data/demo_0, … (there: {listed(root)})",
+            f"groups episode_0, …, robomimic's groups data/demo_0, … (there: {enumerated(members(root))})",
             OTHER,
         )

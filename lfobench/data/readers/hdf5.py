@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from lfobench.words import shown
 
@@ -34,6 +36,14 @@ DAMAGE = (OSError, RuntimeError, ValueError, KeyError, TypeError, OverflowError,
 
 AGAIN = "Copy or download it again."
 OTHER = "Name another file, or mend this one."
+
+Remedy = Callable[[Sequence[str]], str]
+"""What to do about a field that is missing, given the names that are there."""
+
+
+def another(there: Sequence[str]) -> str:
+    """The remedy where no other is known."""
+    return OTHER
 
 
 @contextmanager
@@ -69,26 +79,39 @@ def members(group: h5py.Group) -> list[str]:
         raise FileProblem(f"group '{shown(group.name or '')}' cannot be listed ({short(error)})", AGAIN) from error
 
 
-def subgroup(group: h5py.Group, name: str) -> h5py.Group:
-    """A group directly below another.
+def subgroup(group: h5py.Group, name: str, remedy: Remedy = another) -> h5py.Group:
+    """A group directly below another; `remedy` is for one that is missing.
 
     Raises:
         FileProblem: it is missing, a link out of its place, or no group.
     """
-    found = member(group, name)
+    found = member(group, name, remedy)
     if not isinstance(found, h5py.Group):
         raise FileProblem(f"'{path_of(group, name)}' is not a group", OTHER)
     return found
 
 
-def listed(group: h5py.Group) -> str:
-    """The first names in a group, for a message.
+def enumerated(names: Sequence[str]) -> str:
+    """The first of names from a file, harmless."""
+    first = [shown(name) for name in names[:MOST_LISTED]]
+    return ", ".join([*first, *(["…"] if len(names) > MOST_LISTED else [])]) or "nothing"
+
+
+def missing(field: str, there: Sequence[str], remedy: Remedy = another) -> FileProblem:
+    """A field that is not there, with what is, wherever it lacks."""
+    return FileProblem(f"field '{shown(field, 100)}' is missing (there: {enumerated(there)})", remedy(there))
+
+
+def has(group: h5py.Group, name: str) -> bool:
+    """Whether anything in a group has that name, which is looked up faster than the group is listed.
 
     Raises:
         FileProblem: when the group is damaged.
     """
-    names = [shown(name) for name in members(group)[: MOST_LISTED + 1]]
-    return ", ".join([*names[:MOST_LISTED], *(["…"] if len(names) > MOST_LISTED else [])]) or "nothing"
+    try:
+        return bool(group.id.links.exists(name.encode()))
+    except DAMAGE as error:
+        raise FileProblem(f"group '{shown(group.name or '')}' cannot be listed ({short(error)})", AGAIN) from error
 
 
 def is_group(group: h5py.Group, name: str) -> bool:
@@ -100,20 +123,22 @@ def is_group(group: h5py.Group, name: str) -> bool:
     return isinstance(member(group, name), h5py.Group)
 
 
-def member(group: h5py.Group, name: str) -> object:
+def member(group: h5py.Group, name: str, remedy: Remedy = another) -> object:
     """An object that lies in the group itself; its name is looked up as one link before it is opened.
+
+    Args:
+        group: that it lies in.
+        name: in the group.
+        remedy: where there is none.
 
     Raises:
         FileProblem: nothing has that name, or a link out of its place, or it is damaged.
     """
     try:
-        try:
-            link = group.id.links.get_info(name.encode()).type
-        except KeyError:
-            if name in members(group):
-                raise
-            raise FileProblem(f"field '{path_of(group, name)}' is missing (there: {listed(group)})", OTHER) from None
-        if link != h5py.h5l.TYPE_HARD:
+        # What get_info raises over a name that is not there differs between versions and formats of groups.
+        if not group.id.links.exists(name.encode()):
+            raise missing(path_of(group, name), members(group), remedy)
+        if group.id.links.get_info(name.encode()).type != h5py.h5l.TYPE_HARD:
             raise FileProblem(f"'{path_of(group, name)}' is a link to elsewhere, which is never followed", OTHER)
         # As group[name], at a third of its time, which counts where a file has 100,000 members.
         found = h5py.h5o.open(group.id, name.encode())
@@ -122,6 +147,36 @@ def member(group: h5py.Group, name: str) -> object:
     if isinstance(found, h5py.h5g.GroupID):
         return h5py.Group(found)
     return h5py.Dataset(found) if isinstance(found, h5py.h5d.DatasetID) else found
+
+
+def numbered(group: h5py.Group, pattern: re.Pattern[str]) -> list[str]:
+    """Names in a group that match a pattern, by the number in them, which may be padded with zeros.
+
+    Raises:
+        FileProblem: two names have one number.
+    """
+    found: dict[int, str] = {}
+    for name in members(group):
+        if matched := pattern.fullmatch(name):
+            if (number := int(matched[1])) in found:
+                raise FileProblem(f"'{found[number]}' and '{name}' are both number {number:,}", OTHER)
+            found[number] = name
+    return [found[number] for number in sorted(found)]
+
+
+def count_said(group: h5py.Group, name: str) -> int | None:
+    """A count that a group's attribute gives; None where there is none, or what there is is no whole number."""
+    try:
+        if not h5py.h5a.exists(group.id, name.encode()):
+            return None
+        attribute = h5py.h5a.open(group.id, name.encode())
+        if attribute.shape != () or attribute.dtype.kind not in "iu":
+            return None
+        value = np.empty((), attribute.dtype)
+        attribute.read(value)
+    except DAMAGE:
+        return None
+    return int(value)
 
 
 def path_of(group: h5py.Group, name: str) -> str:

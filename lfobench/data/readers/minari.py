@@ -1,24 +1,43 @@
 """Minari's layout: a group per episode, which holds one more observation than actions.
 
-``episode_<i>/{observations [T + 1, obs], actions [T, act], rewards [T], terminations [T], truncations [T]}``.
-Observations that are a dictionary, as the kitchen's, are a group; its member ``observation`` is read.
+``episode_<i>/{observations [T + 1, obs], actions [T, act], rewards [T], terminations [T], truncations [T]}``. Rewards
+may be missing, and numbers may be padded with zeros. Observations that are a dictionary, as the kitchen's, are a group;
+its member ``observation`` is read, or those that the user chooses.
 """
 
 from __future__ import annotations
 
+import json
 import re
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import h5py
 import numpy as np
 
 from lfobench.contract.episodes import Episodes
 from lfobench.data.readers.arrays import Array, array
-from lfobench.data.readers.hdf5 import AGAIN, OTHER, FileProblem, is_group, members, path_of, subgroup
-from lfobench.data.readers.reading import Reading, end_to_end, flags, same_columns, same_rows
+from lfobench.data.readers.hdf5 import (
+    OTHER,
+    FileProblem,
+    count_said,
+    has,
+    is_group,
+    members,
+    numbered,
+    path_of,
+    subgroup,
+)
+from lfobench.data.readers.keys import Keys, arrays_of, by_key, left_out, no_choice, side_by_side, widths_of
+from lfobench.data.readers.reading import Reading, differing_kinds, end_to_end, flags, same_columns, same_rows
 
 EPISODE = re.compile(r"episode_([0-9]{1,12})")
-IN_DICTIONARY = "observation"
+FIELDS = ("observations", "actions", "rewards", "terminations", "truncations")
+IN_DICTIONARY = ("observation",)
+METADATA = "metadata.json"
+MOST_METADATA = 2**22
+"""Bytes."""
 
 
 def is_minari(root: h5py.File) -> bool:
@@ -26,61 +45,102 @@ def is_minari(root: h5py.File) -> bool:
     return any(EPISODE.fullmatch(name) for name in members(root))
 
 
-def read(root: h5py.File) -> Reading:
-    """Every episode, by number.
+def read(root: h5py.File, keys: Keys = None) -> Reading:
+    """Every episode, by number, its observations made of `keys` where they are a dictionary.
 
     Raises:
         FileProblem: naming the field.
     """
-    names = sorted((name for name in members(root) if EPISODE.fullmatch(name)), key=lambda name: int(name[8:]))
-    if lacking := {f"episode_{index}" for index in range(len(names))} - set(names):
-        raise FileProblem(f"'{min(lacking, key=len)}' is missing, and later episodes are there", AGAIN)
-    episodes = [_checked(root, name) for name in names]
-    observations, actions = [each.observations for each in episodes], [each.actions for each in episodes]
-    for each in episodes:
-        same_columns(each.observations, observations[0].shape[1], f"'{observations[0].field}'")
-        same_columns(each.actions, actions[0].shape[1], f"'{actions[0].field}'")
+    names = numbered(root, EPISODE)
+    if (last := int(names[-1].rpartition("_")[2])) >= len(names):
+        there = {int(name.rpartition("_")[2]) for name in names}
+        gap = next(number for number in range(last) if number not in there)
+        raise FileProblem(
+            f"episode {gap:,} is missing, and {names[-1]} is there: it has {len(names):,} of {last + 1:,} episodes",
+            "Copy or download it again; or number the episodes from 0 on, if the others were left out on purpose.",
+        )
+    groups = [subgroup(root, name) for name in names]
+    in_dictionary = is_group(groups[0], "observations")
+    if keys is not None and not in_dictionary:
+        raise no_choice("Minari")
+    chosen = (keys or IN_DICTIONARY) if in_dictionary else ()
+    observations = _observations(groups, chosen)
+    rewarded = sum(has(group, "rewards") for group in groups)
+    episodes = [
+        _checked(group, arrays, rewarded == len(groups)) for group, arrays in zip(groups, observations, strict=True)
+    ]
+    actions = [each.actions for each in episodes]
+    for done in actions:
+        same_columns(done, actions[0].shape[1], f"'{actions[0].field}'")
+    lengths = np.array([done.rows for done in actions], np.int64)
+    rewards = [each.rewards for each in episodes if each.rewards is not None]
     return Reading(
         Episodes(
-            end_to_end(observations),
+            side_by_side(observations),
             end_to_end(actions),
-            end_to_end([each.rewards for each in episodes]),
-            np.array([done.rows for done in actions], np.int64),
+            end_to_end(rewards) if rewards else np.full(int(lengths.sum()), np.nan, np.float32),
+            lengths,
             np.array([each.terminated for each in episodes]),
         ),
         "minari",
-        columns=(IN_DICTIONARY,) if is_group(subgroup(root, names[0]), "observations") else (),
-        unfinished=not (episodes[-1].terminated or episodes[-1].truncated),
+        keys=widths_of(observations[0], chosen) if chosen else {},
+        left_out=left_out(subgroup(groups[0], "observations"), chosen) if chosen else {},
+        chosen=keys is not None,
+        not_read=(
+            *(path_of(groups[0], name) for name in members(groups[0]) if name not in FIELDS),
+            *(name for name in members(root) if not EPISODE.fullmatch(name)),
+        ),
+        rewards=bool(rewards),
+        rewardless=len(groups) - rewarded if rewarded else 0,
+        endless=np.flatnonzero([not (each.terminated or each.truncated) for each in episodes]),
         both_flags=sum(each.terminated and each.truncated for each in episodes),
+        kinds=differing_kinds({**by_key(observations, chosen or ("observations",)), "actions": actions}),
+        declared_episodes=_declared(root, "total_episodes"),
+        declared_steps=_declared(root, "total_steps"),
     )
+
+
+def _declared(root: h5py.File, name: str) -> int | None:
+    """A count that a dataset gives of itself, in its file or in the metadata beside it."""
+    if (count := count_said(root, name)) is not None:
+        return count
+    beside = Path(root.filename).with_name(METADATA)
+    with suppress(OSError, ValueError, RecursionError):
+        if beside.is_file():
+            with beside.open("rb") as metadata:
+                said = json.loads(metadata.read(MOST_METADATA))
+            if isinstance(said, dict) and type(said.get(name)) is int:
+                return int(said[name])
+    return None
 
 
 @dataclass(frozen=True, slots=True)
 class _Episode:
     """An episode that was checked: its arrays, and how it ended."""
 
-    observations: Array
     actions: Array
-    rewards: Array
+    rewards: Array | None
     terminated: bool
     truncated: bool
 
 
-def _checked(root: h5py.File, name: str) -> _Episode:
-    group = subgroup(root, name)
-    observations, actions, rewards = _observations(group), array(group, "actions", 2), array(group, "rewards", 1)
+def _checked(group: h5py.Group, observations: list[Array], rewarded: bool) -> _Episode:
+    actions = array(group, "actions", 2)
+    rewards = array(group, "rewards", 1) if rewarded else None
     marks = [array(group, each, 1) for each in ("terminations", "truncations")]
+    name = (group.name or "").strip("/")
     if not actions.rows:
-        raise FileProblem(f"'{path_of(root, name)}' has no step", OTHER)
-    same_rows([rewards, *marks], actions.rows, f"'{actions.field}'")
-    same_rows([observations], actions.rows + 1, f"'{actions.field}', and one more,")
+        raise FileProblem(f"'{name}' has no step", OTHER)
+    same_rows([*marks, *([] if rewards is None else [rewards])], actions.rows, f"'{actions.field}'")
+    same_rows(observations, actions.rows + 1, f"'{actions.field}', and one more,")
     marked = [flags(each) for each in marks]
     if any(mark[:-1].any() for mark in marked):
-        raise FileProblem(f"'{path_of(root, name)}' is marked as ended before its last step", OTHER)
-    return _Episode(observations, actions, rewards, *(bool(mark[-1]) for mark in marked))
+        raise FileProblem(f"'{name}' is marked as ended before its last step", OTHER)
+    return _Episode(actions, rewards, *(bool(mark[-1]) for mark in marked))
 
 
-def _observations(group: h5py.Group) -> Array:
-    if is_group(group, "observations"):
-        return array(subgroup(group, "observations"), IN_DICTIONARY, 2)
-    return array(group, "observations", 2)
+def _observations(groups: list[h5py.Group], keys: tuple[str, ...]) -> list[list[Array]]:
+    """Of every episode, one array, or one of every key."""
+    if keys:
+        return arrays_of([subgroup(group, "observations") for group in groups], keys)
+    return arrays_of(groups, ("observations",))

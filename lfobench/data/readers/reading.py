@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray
-from lfobench.data.readers.arrays import Array, blocks, in_proportion
+from lfobench.data.readers.arrays import Array, PlainArray, blocks, in_proportion
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
 from lfobench.words import counted
 
@@ -25,33 +27,55 @@ class Reading:
     Attributes:
         episodes: of the file, in its order. Where the file does not say which observation an episode ends in, that
             one is NaN. Rewards are NaN where the file has none.
-        format: ``d4rl``, ``minari`` or ``robomimic``.
-        columns: what an observation is made of, where the file leaves a choice.
+        format: ``d4rl``, ``minari``, ``robomimic``, ``npz`` or ``lerobot``.
+        keys: what an observation is made of, where the file leaves a choice, and how many columns each has.
+        left_out: what else the file has of an observation, and how many columns; 0 of what is no list of vectors.
+        chosen: whether the user chose the keys.
+        not_read: what else the file has.
         rewards: whether the file has any.
+        rewardless: episodes without rewards in a file that has some; none is read then.
         timeouts: whether the file says which episodes time ended.
         ends_known: whether the file says which observation every episode ends in.
         gaps: ``[G]`` last rows of episodes that no flag ends and whose next observation is not the following one.
         misplaced: ``[M]`` rows that are marked as timed out and whose next observation is the following one.
         not_finite: ``[B]`` rows within an episode whose next observation, which is not kept, has a value that is no
             finite number.
-        unfinished: whether the file ends within an episode.
+        endless: ``[E']`` numbers of episodes that no mark ends, where a file has marks.
+        ended_within: ``[W]`` rows that are marked as last and are not.
         both_flags: episodes that are marked as terminated and as timed out.
+        kinds: fields whose numbers are of several types, and how many arrays have each.
+        declared_episodes: how many the file itself says that it has; None where it does not.
+        declared_steps: of all episodes, likewise.
     """
 
     episodes: Episodes
     format: str
-    columns: tuple[str, ...] = ()
+    keys: Mapping[str, int] = field(default_factory=dict)
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    chosen: bool = False
+    not_read: tuple[str, ...] = ()
     rewards: bool = True
+    rewardless: int = 0
     timeouts: bool = True
     ends_known: bool = True
     gaps: IntArray = field(default_factory=_no_rows)
     misplaced: IntArray = field(default_factory=_no_rows)
     not_finite: IntArray = field(default_factory=_no_rows)
-    unfinished: bool = False
+    endless: IntArray = field(default_factory=_no_rows)
+    ended_within: IntArray = field(default_factory=_no_rows)
     both_flags: int = 0
+    kinds: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    declared_episodes: int | None = None
+    declared_steps: int | None = None
 
 
-def flags(found: Array) -> BoolArray:
+def differing_kinds(fields: Mapping[str, Iterable[PlainArray]]) -> dict[str, dict[str, int]]:
+    """Fields whose arrays hold numbers of several types, and how many arrays have each."""
+    counts = {name: Counter(each.kind for each in arrays) for name, arrays in fields.items()}
+    return {name: dict(kinds) for name, kinds in counts.items() if len(kinds) > 1}
+
+
+def flags(found: PlainArray) -> BoolArray:
     """An array of flags, whole ``[N]``.
 
     Raises:
@@ -64,7 +88,7 @@ def flags(found: Array) -> BoolArray:
     return values.astype(np.bool_)
 
 
-def numbers(found: Array) -> FloatArray:
+def numbers(found: PlainArray) -> FloatArray:
     """An array of numbers, whole; read in blocks, so that little more than the result is ever held."""
     whole = np.empty(found.shape, np.float32)
     for start, (block,) in blocks([found]):
@@ -93,7 +117,7 @@ def as_float32(values: NDArray[Any]) -> FloatArray:
         return values.astype(np.float32, copy=False)
 
 
-def same_rows(arrays: list[Array], rows: int, measure: str) -> None:
+def same_rows(arrays: Iterable[PlainArray], rows: int, measure: str) -> None:
     """Refuses arrays of different length.
 
     Raises:
@@ -105,7 +129,7 @@ def same_rows(arrays: list[Array], rows: int, measure: str) -> None:
             raise FileProblem(f"field '{each.field}' has {there}, and {measure} has {rows:,}", OTHER)
 
 
-def same_columns(found: Array, columns: int, measure: str) -> None:
+def same_columns(found: PlainArray, columns: int, measure: str) -> None:
     """Refuses an array of other columns than `measure` has.
 
     Raises:

@@ -1,4 +1,4 @@
-"""How a file begins: what is no HDF5 file is mostly something well known that was saved in its place."""
+"""How a file begins: what is no data file is mostly something well known that was saved in its place."""
 
 from __future__ import annotations
 
@@ -9,8 +9,19 @@ from lfobench.data.readers.hdf5 import AGAIN, OTHER, FileProblem
 from lfobench.words import shown
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
+ARCHIVE = b"PK\x03\x04"
 _PAGE = re.compile(rb"<(!doctype|!--|html|head|body|script|meta|title|\?xml)", re.IGNORECASE)
 _JSON = re.compile(rb'(\{\s*["}]|\[\s*[\[{"\]])')
+
+
+def is_archive(path: Path) -> bool:
+    """Whether a file begins as an NPZ archive does.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        return file.read(len(ARCHIVE)) == ARCHIVE
 
 
 def check_start(path: Path) -> None:
@@ -40,4 +51,8 @@ def check_start(path: Path) -> None:
         )
     if text.startswith(b"version https://git-lfs"):
         raise FileProblem("it is a Git LFS pointer, not the data", "Fetch the data itself: git lfs pull.")
-    raise FileProblem("it is not an HDF5 file", OTHER)
+    if start.startswith(b"PAR1"):
+        raise FileProblem("it is one Parquet table", "Name the folder of the LeRobot dataset that it belongs to.")
+    if start.startswith(b"\x93NUMPY"):
+        raise FileProblem("it is one array of NumPy", "Save observations, actions and terminals with numpy.savez.")
+    raise FileProblem("it is neither an HDF5 file nor an NPZ archive", OTHER)

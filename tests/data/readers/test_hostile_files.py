@@ -102,7 +102,7 @@ D4RL_CASES: dict[str, tuple[Callable[[Path], object], str]] = {
         r"it is JSON, .*: {\"error\": \"quota \\x1b\[2J\"}$",
     ),
     "a pointer": (lambda path: path.write_text("version https://git-lfs.github.com/spec/v1\n"), "Git LFS pointer"),
-    "something else": (lambda path: path.write_bytes(b"PK\x03\x04"), "it is not an HDF5 file"),
+    "something else": (lambda path: path.write_bytes(b"GIF89a"), "it is neither an HDF5 file nor an NPZ archive"),
     "no known layout": (_rename, r"none of the known layouts: .* \(there: moves, next_observations, places"),
     "one field is missing": (
         lambda path: _rename(path, ["actions"]),

@@ -36,7 +36,7 @@ def test_d4rl(
     storage = {"chunks": True, "compression": "gzip", "shuffle": True} if chunked else {}
     reading = read(write_d4rl(tmp_path / "file.hdf5", episodes, **storage))
     assert_same(reading.episodes, episodes)
-    assert (reading.format, reading.unfinished, len(reading.gaps)) == ("d4rl", False, 0)
+    assert (reading.format, len(reading.endless), len(reading.gaps)) == ("d4rl", 0, 0)
 
 
 @in_one_folder
@@ -45,7 +45,7 @@ def test_minari(tmp_path: Path, shape: list[tuple[int, bool]], in_dictionary: bo
     episodes = make_episodes(*zip(*shape, strict=True))
     reading = read(write_minari(tmp_path / "main_data.hdf5", episodes, in_dictionary))
     assert_same(reading.episodes, episodes)
-    assert reading.columns == (("observation",) if in_dictionary else ())
+    assert reading.keys == ({"observation": 4} if in_dictionary else {})
 
 
 def test_minari_episodes_are_in_order_of_their_numbers_and_none_may_lack(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_minari_episodes_are_in_order_of_their_numbers_and_none_may_lack(tmp_pat
     assert_same(read(path).episodes, episodes)
     with h5py.File(path, "a") as file:
         del file["episode_3"]
-    with pytest.raises(hdf5.FileProblem, match="'episode_3' is missing"):
+    with pytest.raises(hdf5.FileProblem, match="episode 3 is missing, and episode_11 is there"):
         read(path)
 
 
@@ -69,7 +69,7 @@ def test_robomimic(tmp_path: Path) -> None:
     episodes = make_episodes(terminated=[False] * 3)
     reading = read(write_robomimic(tmp_path / "file.hdf5", episodes, robomimic.LOW_DIMENSIONAL))
     assert_same(reading.episodes, episodes)
-    assert (reading.format, reading.columns) == ("robomimic", robomimic.LOW_DIMENSIONAL)
+    assert (reading.format, tuple(reading.keys)) == ("robomimic", robomimic.LOW_DIMENSIONAL)
 
 
 def test_without_next_observations_the_ends_are_unknown_and_no_exact_row_reaches_them(tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_an_episode_without_an_end_is_cut_by_time(tmp_path: Path) -> None:
     with h5py.File(path, "a") as file:
         file["timeouts"][-1] = False
     reading = read(path)
-    assert reading.unfinished
+    assert reading.endless.tolist() == [2]
     assert_same(reading.episodes, make_episodes())
 
 
