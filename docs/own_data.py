@@ -1,6 +1,7 @@
 """Your own data as a suite: ``lfobench run --suite docs/own_data.py --methods dilo,smodice,bc``.
 
-Two files beside this one, in the layout of D4RL, Minari or robomimic. The recipe takes a million rows of `mine.hdf5` or
+Two files beside this one, in a layout that `lfobench data doctor` reads; `keys=("position", "velocity")` of `own_file`
+chooses among the members of a dictionary. The recipe takes a million rows of `mine.hdf5` or
 what there is (200,000 under protocol ``quick``), the first 30 trajectories of `theirs.hdf5` with their actions (by the
 published walk, which needs a 31st), and the first 1000 rows of those as the demonstration.
 """

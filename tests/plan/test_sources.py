@@ -13,7 +13,7 @@ from lfobench.errors import UserError
 from lfobench.plan.file_parts import FilePart
 from lfobench.plan.parts import requests
 from lfobench.plan.planning import Request, make_plan
-from lfobench.plan.sources import absent_files, choose_source, nowhere, read_from
+from lfobench.plan.sources import absent_files, choose_source, nowhere, read_from, spelled
 from lfobench.registry import load_suite
 
 TINY = str(Path(__file__).parents[1] / "tiny_suite.py")
@@ -57,6 +57,11 @@ def test_own_files_by_part(suite: Suite) -> None:
         ("middle=a.hdf5", "'middle=a.hdf5' is not a part and its path"),
         ("offline=a.hdf5,offline=b.hdf5", "names offline twice"),
         ("offline=", "'offline=' is not a part and its path"),
+        ("keys=a+b", "names no file"),
+        ("offline=a.hdf5,expert.keys=a", "names keys of the expert part, and no file"),
+        ("offline=a.hdf5,keys=a++b", "does not say what an observation is made of"),
+        ("offline=a.hdf5,keys=a+a", "does not say what an observation is made of"),
+        ("offline=~nobody-of-that-name/a.hdf5", "--source: "),
     ],
 )
 def test_what_is_no_source_is_refused(suite: Suite, text: str, said: str) -> None:
@@ -110,6 +115,45 @@ def test_a_task_that_a_source_does_not_have(suite: Suite) -> None:
     said = f"Task '{second}' has no source 'there', only generated. Choose those that have it: --tasks {first}"
     with pytest.raises(UserError, match=said):
         read_from(suite.tasks, "there", None, here)
+
+
+def test_keys_of_both_parts_or_of_one(suite: Suite) -> None:
+    text = "offline=/a.hdf5,expert=/b.hdf5,keys=position+velocity,expert.keys=state"
+    _, files = choose_source(text, suite)
+    assert files == Files(own_file("/a.hdf5", ("position", "velocity")), own_file("/b.hdf5", ("state",)))
+    (read,) = read_from([suite.tasks[0]], "files", files, here)
+    again = spelled(read, "files")
+    assert again == "offline=/data/files/a,offline.keys=position+velocity,expert=/data/files/b,expert.keys=state"
+    assert choose_source(again, suite)[1] == Files(
+        own_file("/data/files/a", ("position", "velocity")), own_file("/data/files/b", ("state",))
+    )
+
+
+def test_keys_are_part_of_what_a_part_is(suite: Suite) -> None:
+    def identity(text: str) -> dict[str, object]:
+        (read,) = read_from([suite.tasks[0]], "files", choose_source(text, suite)[1], here)
+        offline, _ = requests(suite, read, read.recipe)
+        assert isinstance(offline.specification, FilePart)
+        return offline.specification.identity
+
+    bare, keyed = identity("offline=/a.hdf5"), identity("offline=/a.hdf5,keys=a+b")
+    assert "keys" not in bare  # so that what was imported before is what it was
+    assert keyed == {**bare, "keys": ["a", "b"]}
+    assert identity("offline=/a.hdf5,keys=b+a") != keyed
+
+
+@pytest.mark.parametrize("keys", ["position", (), ("a", "a"), ("",), ("\x1b[2J",), (3,)])
+def test_what_are_no_keys(keys: object) -> None:
+    with pytest.raises(ValueError, match="keys are "):
+        own_file("/a.hdf5", keys)  # type: ignore[arg-type]
+
+
+def test_a_link_stands_for_a_path_that_cannot_be_written(tmp_path: Path, suite: Suite) -> None:
+    (tmp_path / "one,two.hdf5").touch()
+    (tmp_path / "link.hdf5").symlink_to(tmp_path / "one,two.hdf5")
+    _, files = choose_source(f"offline={tmp_path / 'link.hdf5'}", suite)
+    assert files is not None and files.offline is not None
+    assert files.offline.path == str(tmp_path / "link.hdf5")
 
 
 def test_what_cannot_be_generated_says_what_can_be_read(suite: Suite) -> None:

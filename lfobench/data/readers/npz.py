@@ -41,6 +41,7 @@ MOST_HEADER = 4096
 """Bytes of an array's description; that of a plain one has 128."""
 METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 DAMAGE = (
+    OSError,
     zipfile.BadZipFile,
     zlib.error,
     struct.error,

@@ -11,10 +11,11 @@ import random
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from helpers_files import make_episodes, write_d4rl, write_minari, write_robomimic
+from helpers_files import make_episodes, write_d4rl, write_lerobot, write_minari, write_npz, write_robomimic
 
 from lfobench.data.readers.checks import check
 from lfobench.data.readers.formats import read
@@ -23,18 +24,24 @@ from lfobench.data.readers.robomimic import LOW_DIMENSIONAL
 
 NUMBERS = (b"\xff" * 8, b"\0" * 8, b"\x7f" + b"\xff" * 7, (1 << 40).to_bytes(8, "little"), (1).to_bytes(8, "little"))
 HORIZON, COLUMNS = 100, (4, 2)
+TABLES, TABLE = "dataset", Path("data") / "chunk-000" / "file-000.parquet"
+KEYS = ("observation.state", "observation.environment_state")
 
 
 def originals(folder: Path) -> list[bytes]:
-    """One small file in each layout, and D4RL's with compressed chunks too."""
+    """One small file in each layout, D4RL's and NPZ with compression too; of LeRobot's, a table."""
     episodes = make_episodes()
     path = folder / "original.hdf5"
-    write = (
+    archive = folder / "original.npz"
+    write: tuple[Callable[[], Path], ...] = (
         lambda: write_d4rl(path, episodes),
         lambda: write_d4rl(path, episodes, chunks=True, compression="gzip", shuffle=True),
         lambda: write_d4rl(path, episodes, ["timeouts"], chunks=True, fletcher32=True),
         lambda: write_minari(path, episodes),
         lambda: write_robomimic(path, episodes, LOW_DIMENSIONAL),
+        lambda: write_npz(archive, episodes),
+        lambda: write_npz(archive, episodes, compressed=True),
+        lambda: write_lerobot(folder / TABLES, [episodes]) / TABLE,
     )
     return [each().read_bytes() for each in write]
 
@@ -68,11 +75,13 @@ def main(count: int, first: int) -> None:
         files, path = originals(folder), folder / "mutated.hdf5"
         for number in range(first, first + count):
             chance = random.Random(number)
-            path.write_bytes(mutated(files[number % len(files)], chance))
+            content = mutated(files[number % len(files)], chance)
+            in_dataset = number % len(files) == len(files) - 1
+            (folder / TABLES / TABLE if in_dataset else path).write_bytes(content)
             if number % 100 == 0:
                 sys.stderr.write(f"{number}\n")
             try:
-                reading = read(path, HORIZON)
+                reading = read(folder / TABLES, keys=KEYS) if in_dataset else read(path, HORIZON)
                 check(reading)
             except FileProblem:
                 outcomes["refused"] += 1
