@@ -44,7 +44,7 @@ Source = Annotated[
     str,
     typer.Option(
         help="Where data comes from: generated, a source that the suite declares (d4rl, minari, …), or files of yours, "
-        "offline=PATH,expert=PATH, with keys=A+B for what an observation is made of. auto: generated where the suite can."
+        "offline=PATH,expert=PATH and keys=A+B for what an observation is made of. auto: generated where a suite can."
     ),
 ]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda.")]
