@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -243,3 +244,36 @@ def test_cuda_threads_record_and_replay_beside_each_other() -> None:
         for entry, tensor in expected[name].items():
             atol = 1e-4 * max(float(tensor.abs().max()), 1.0)
             torch.testing.assert_close(found[name][entry], tensor, rtol=0.0, atol=atol)
+
+
+class Decaying(Drifting):
+    """Counts its updates in Python and divides by the count: a replay would repeat the count of the recording."""
+
+    name = "decaying"
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.updates = 0
+
+    def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
+        self.updates += 1
+        before = self.weight.clone()
+        metrics = super().update(stage, offline, expert, randomness)
+        self.weight.copy_(before + (self.weight - before) / self.updates)
+        return metrics
+
+
+def test_a_step_that_counts_in_python_is_not_recorded() -> None:
+    config = FakeConfig()
+    view = view_for(Decaying.needs(config))
+    found = []
+    for recorder in (None, record):
+        method = Decaying(config, SHAPES, SEEDS, CPU)
+        program = Program(method, view, Stage("drift", None, 8, 4), Randomness(SEEDS), recorder=recorder)
+        for step in range(40):
+            program.update(step)
+        found.append((live_tensors(method), program))
+    assert same(found[0][0], found[1][0])
+    assert found[1][1].replayed == 0
+    assert found[1][1].problem is not None
+    assert "'updates' in Python" in found[1][1].problem.what
