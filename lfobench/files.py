@@ -1,10 +1,19 @@
-"""Writing files so that a reader never sees half of one."""
+"""Files that other processes read and write too: written whole or not at all, read within bounds, locked."""
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import hashlib
 import os
+import re
+import secrets
+import socket
+import stat
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 from safetensors import SafetensorError
@@ -12,6 +21,12 @@ from safetensors import SafetensorError
 from lfobench.errors import UserError
 
 TEMPORARY_SUFFIX = ".lfobench-partial"
+LEFTOVER_DAYS = 7.0
+"""After so many days without a byte, a temporary file is nobody's, whoever began it."""
+POLL_SECONDS = 0.1
+
+_HELD = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES}
+_NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EINVAL}
 
 
 def cache_folder() -> Path:
@@ -41,10 +56,10 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         UserError: when the disk refuses (full, read-only, no permission).
     """
-    temporary = path.with_name(f"{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+    temporary = _temporary_in(path.parent)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.touch()
+        temporary.touch(exist_ok=False)
         permissions = temporary.stat().st_mode
         yield temporary
         temporary.chmod(permissions)  # safetensors makes files that nobody else may read
@@ -82,12 +97,33 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
+def _temporary_in(folder: Path) -> Path:
+    """A name that no other process takes: not on this host, not on another one, not in a container of the same pid."""
+    return folder / f".{_place()}-{os.getpid()}-{secrets.token_hex(4)}{TEMPORARY_SUFFIX}"
+
+
+@cache
+def _place() -> str:
+    """Where a process number means one process: a host between two starts, and of its containers one."""
+    parts = [socket.gethostname()]
+    with suppress(OSError):
+        parts.append(Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip())
+    with suppress(OSError):
+        parts.append(str(Path("/proc/self/ns/pid").readlink()))
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:12]
+
+
 def remove_leftovers(folder: Path) -> None:
-    """Delete temporary files below `folder` whose writing process no longer lives."""
+    """Delete temporary files below `folder` that nobody writes any more.
+
+    Those of this place whose process is gone, and those of any place that are older than `LEFTOVER_DAYS`.
+    """
     for leftover in folder.rglob(f"*{TEMPORARY_SUFFIX}"):
-        writer = leftover.name.removesuffix(TEMPORARY_SUFFIX).rpartition(".")[2]
-        if writer.isdigit() and not _alive(int(writer)):
-            leftover.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):
+            writer = re.fullmatch(rf"\.{_place()}-([0-9]+)-.*", leftover.name)
+            gone = writer is not None and not _alive(int(writer[1]))
+            if gone or time.time() - leftover.stat().st_mtime > LEFTOVER_DAYS * 86_400.0:
+                leftover.unlink()
 
 
 def _alive(process: int) -> bool:
@@ -106,7 +142,7 @@ def writable_folder(path: Path, option: str) -> Path:
     Raises:
         UserError: naming the folder, the cause and the option that chooses another.
     """
-    probe = path / f".lfobench-{os.getpid()}{TEMPORARY_SUFFIX}"
+    probe = _temporary_in(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe.touch()
@@ -118,3 +154,72 @@ def writable_folder(path: Path, option: str) -> Path:
         with suppress(OSError):
             probe.unlink()
     return path
+
+
+def read_within(path: Path, most: int) -> bytes:
+    """All bytes of a regular file; waits for no pipe, and begins nothing that has no end.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is no regular file, or holds more than `most` bytes.
+    """
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY), "rb") as file:
+        found = os.fstat(file.fileno())
+        if not stat.S_ISREG(found.st_mode):
+            raise ValueError("it is not a regular file")
+        if found.st_size > most:
+            raise ValueError(f"it has {found.st_size:,} bytes, and at most {most:,} are read")
+        return file.read(found.st_size + 1)
+
+
+class Held(Exception):
+    """Another process holds the lock."""
+
+
+@contextmanager
+def locked(path: Path, option: str, wait: bool = False) -> Iterator[None]:
+    """Hold the lock `path` inside the block; the system lets go of it when this process ends, however it does.
+
+    Args:
+        path: the lock's file, which is made, and deleted afterwards.
+        option: chooses another folder.
+        wait: for whoever holds it.
+
+    Raises:
+        Held: another process does, unless that is waited for.
+        UserError: the file system has no locks.
+        OSError: the file cannot be made.
+    """
+    while (descriptor := _lock(path, option)) is None:
+        if not wait:
+            raise Held
+        time.sleep(POLL_SECONDS)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            path.unlink()  # before it is let go: whoever takes it then sees that the name is free again
+        os.close(descriptor)
+
+
+def _lock(path: Path, option: str) -> int | None:
+    """The descriptor of a lock that was free; None where it is held."""
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NONBLOCK, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(descriptor), path.stat()):
+                    return descriptor
+        except OSError as error:
+            os.close(descriptor)
+            if error.errno in _HELD:
+                return None
+            if error.errno in _NO_LOCKS:
+                raise UserError(
+                    f"The file system of {path.parent} has no file locks ({error.strerror}), so that two commands "
+                    "could do the same work.",
+                    f"Choose a folder on a local disk with {option}, and copy the results afterwards.",
+                ) from error
+            raise
+        os.close(descriptor)  # deleted by whoever held it, between our opening and our locking it

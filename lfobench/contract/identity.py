@@ -7,7 +7,26 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, FiniteFloat, Strict, StrictBool, StrictInt, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    Strict,
+    StrictBool,
+    StrictInt,
+    ValidationError,
+    model_validator,
+)
+
+MOST_EPISODES = 100_000
+"""Of one evaluation."""
+
+MOST_DEPTH = 30
+"""Of values in values; views follow them by recursion."""
+
+Steps = Annotated[int, Field(ge=0, le=10**12)]
+_Count = Annotated[int, Strict(), Field(ge=0, le=10**12)]
 
 LARGEST_REFERENCE = 1e100
 """Either way, of a reference return; sums and squares of returns near larger ones leave the range of float64."""
@@ -44,24 +63,24 @@ class _ActionBox(_Fields):
 
 
 class _Recipe(_Fields):
-    offline_transitions: StrictInt
-    expert_trajectories: StrictInt
-    demonstration_rows: StrictInt
+    offline_transitions: _Count
+    expert_trajectories: _Count
+    demonstration_rows: _Count
 
 
 class _TrajectoryRecipe(_Fields):
-    offline_trajectories: StrictInt
+    offline_trajectories: _Count
     expert: str
-    expert_trajectories: StrictInt
-    expert_transitions: StrictInt | None
+    expert_trajectories: _Count
+    expert_transitions: _Count | None
 
 
 class _Protocol(_Fields):
     name: str
-    steps: StrictInt
+    steps: _Count
     steps_assigned: StrictBool
-    evaluation_every: StrictInt
-    evaluation_episodes: StrictInt
+    evaluation_every: _Count
+    evaluation_episodes: Annotated[int, Strict(), Field(ge=0, le=MOST_EPISODES)]
 
 
 class _Identity(_Fields):
@@ -88,6 +107,7 @@ def check_identity(identity: Mapping[str, Any]) -> None:
     Raises:
         ValueError: naming the first field that is missing or of the wrong kind.
     """
+    check_depth(identity, "identity")
     try:
         _Identity.model_validate(identity)
     except ValidationError as error:
@@ -98,6 +118,25 @@ def code_version(identity: Mapping[str, Any]) -> str:
     """A short name of a method's source files, where it does not ship with lfobench; else empty."""
     code = identity.get("method_code", {})
     return hashlib.sha256(json.dumps(code, sort_keys=True).encode()).hexdigest()[:7] if code else ""
+
+
+def check_depth(value: Any, name: str) -> None:
+    """Refuse JSON data of more than `MOST_DEPTH` levels.
+
+    Raises:
+        ValueError: naming the field.
+    """
+    level: list[Any] = [value]
+    for _ in range(MOST_DEPTH):
+        level = [
+            inner
+            for each in level
+            if isinstance(each, (dict, list))
+            for inner in (each.values() if isinstance(each, dict) else each)
+        ]
+        if not level:
+            return
+    raise ValueError(f"{name}: it is nested more than {MOST_DEPTH} levels deep")
 
 
 def first_problem(error: ValidationError, *prefix: str) -> str:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Any, Literal, TypeGuard
+from typing import Annotated, Any, Literal, TypeGuard
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from lfobench.contract.identity import check_identity
+from lfobench.contract.identity import MOST_EPISODES, Steps, check_depth, check_identity
 from lfobench.contract.statistic import HEADLINE, Statistic
 from lfobench.errors import UserError
 from lfobench.words import short_number
@@ -25,6 +25,12 @@ NUMBERS = 2
 shared networks, the training loop or evaluation change a number. A method's own losses raise `Method.version`."""
 
 Status = Literal["finished", "diverged"]
+
+MOST_BYTES = 64 * 2**20
+"""Of a record's file; one of ours has less than one."""
+
+MOST_ROWS = 100_000
+"""Evaluations of a run, and rows of its metrics."""
 
 SUCCESS = "success"
 """The outcome of an episode that did what the task asks for; any other outcome is a failure by that name."""
@@ -56,13 +62,18 @@ class _Model(BaseModel):
 class Evaluation(_Model):
     """Episodes run at one training step; episode k starts from the same state in every record of a task."""
 
-    step: int = Field(description="Gradient steps taken before this evaluation.")
+    step: Steps = Field(description="Gradient steps taken before this evaluation.")
     returns: list[FiniteFloat] = Field(
-        min_length=1, description="Undiscounted raw return of every episode, in episode order."
+        min_length=1,
+        max_length=MOST_EPISODES,
+        description="Undiscounted raw return of every episode, in episode order.",
     )
-    lengths: list[int] = Field(min_length=1, description="Steps of every episode.")
+    lengths: list[Annotated[int, Field(ge=0, le=10**9)]] = Field(
+        min_length=1, max_length=MOST_EPISODES, description="Steps of every episode."
+    )
     outcomes: list[str] | None = Field(
         default=None,
+        max_length=MOST_EPISODES,
         description="How every episode ended, in the environment's words, where it says so: success, or which failure.",
     )
 
@@ -84,7 +95,7 @@ class Metrics(_Model):
     """Training metrics, each averaged over the steps since the previous row."""
 
     stage: str = Field(description="The method's training stage.")
-    step: int = Field(description="Updates of that stage done.")
+    step: Steps = Field(description="Updates of that stage done.")
     values: dict[str, float | None] = Field(description="Metric name to mean; null where not finite.")
 
 
@@ -131,13 +142,13 @@ class Record(_Model):
     identity: dict[str, Any] = Field(description="Every field that decides the result; see plan/cells.py.")
     labels: Labels
     status: Status
-    diverged_at: int | None = Field(description="Step at which a non-finite value was seen, if any.")
-    evaluations: list[Evaluation]
+    diverged_at: Steps | None = Field(description="Step at which a non-finite value was seen, if any.")
+    evaluations: list[Evaluation] = Field(max_length=MOST_ROWS)
     further: Evaluation | None = Field(
         default=None,
         description="Episodes of the trained policy from further fixed starts, the same in every record of a task.",
     )
-    metrics: list[Metrics]
+    metrics: list[Metrics] = Field(max_length=MOST_ROWS)
     tuning: Tuning | None = Field(default=None, description="Where hyperparameters were chosen from a grid.")
     counts: Counts | None = Field(
         default=None, description="What there was of the recipe's data, where the recipe counts transitions."
@@ -148,6 +159,7 @@ class Record(_Model):
     @model_validator(mode="after")
     def _complete(self) -> Record:
         check_identity(self.identity)
+        check_depth(self.provenance, "provenance")
         if not isinstance(self.provenance.get("data_fingerprints", {}), dict):
             raise ValueError("its data fingerprints are not an object")
         unknown = [field for field in self.labels.stated if field not in self.identity["config"]]

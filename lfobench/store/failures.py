@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from lfobench.contract.failure import Failure
-from lfobench.contract.record import Record, Warning
-from lfobench.files import write_text
+from lfobench.contract.record import MOST_BYTES, Record, Warning
+from lfobench.files import read_within, write_text
 from lfobench.plan.cells import Run
 from lfobench.store.folder import FAILURE_SUFFIX, RecordFolder
 
@@ -35,8 +33,8 @@ def read_failures(folder: RecordFolder, records: list[Record]) -> tuple[list[Fai
     failures, warnings = [], []
     for path in folder.found(f"*{FAILURE_SUFFIX}"):
         try:
-            failure = Failure.model_validate_json(path.read_bytes())
-        except (OSError, ValidationError):
+            failure = Failure.model_validate_json(read_within(path, MOST_BYTES))
+        except (OSError, ValueError):
             what = f"{path} does not tell of a failed run and was skipped."
             warnings.append(Warning(what=what, remedy="Delete it; the run is tried again anyway."))
             continue

@@ -16,9 +16,9 @@ from pydantic import ValidationError
 
 from lfobench.contract.failure import Failure
 from lfobench.contract.identity import first_problem
-from lfobench.contract.record import SCHEMA, Record, Warning, content_hash
+from lfobench.contract.record import MOST_BYTES, SCHEMA, Record, Warning, content_hash
 from lfobench.errors import UserError
-from lfobench.files import remove_leftovers, write_text
+from lfobench.files import read_within, remove_leftovers, write_text
 
 if TYPE_CHECKING:
     from lfobench.plan.cells import Run  # torch, which nobody who only reads records should wait for
@@ -206,7 +206,7 @@ def warnings_of_copies(paths: Sequence[Path], contradict: bool) -> list[Warning]
 def read_record(path: Path) -> Record | Warning:
     """One record, or the reason why the file is not one of ours."""
     try:
-        content = json.loads(path.read_bytes())
+        content = json.loads(read_within(path, MOST_BYTES))
         if isinstance(content, dict) and content.get("schema_version", SCHEMA) != SCHEMA:
             cause = f"its schema is {content['schema_version']}, this version reads {SCHEMA}"
             return Warning(what=f"{path} was skipped: {cause}.", remedy="Run it again, or use the version it is from.")

@@ -21,6 +21,7 @@ from typing import NamedTuple, TypeVar
 from lfobench.contract.publication import PrintedCount, PrintedMean, PublishedRow
 from lfobench.contract.record import LARGEST_SCORE, usable
 from lfobench.errors import UserError
+from lfobench.files import read_within
 from lfobench.words import short_number, shown
 
 MEANS = ("mean", "std")
@@ -199,12 +200,8 @@ def _check_index(
 def _records(path: Path) -> list[tuple[int, list[str]]]:
     """Every line that is not blank with its number: the header and at least one more."""
     try:
-        with path.open("rb") as file:
-            content = file.read(_LARGEST + 1)
-        if len(content) > _LARGEST:
-            raise UserError(f"{path} is larger than {_LARGEST:,} bytes.", "Give a table that was printed.")
         # Spreadsheets begin a UTF-8 file with a byte order mark.
-        text = content.decode("utf-8-sig")
+        text = _content(path).decode("utf-8-sig")
         reader = csv.reader(io.StringIO(text, newline=""), strict=True, delimiter=_separator(text))
         records = [
             (reader.line_num, [" ".join(re.split(_BLANKS, field.strip())) for field in fields])
@@ -245,6 +242,13 @@ def _separator(text: str) -> str:
             if "method" in (field.strip() for field in next(csv.reader([first], delimiter=separator))):
                 return separator
     return ","
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return read_within(path, _LARGEST)
+    except ValueError as error:
+        raise UserError(f"{path} cannot be read: {error}.", "Give a CSV file of one table.") from error
 
 
 def _header(path: Path, number: int, header: list[str]) -> tuple[str, str]:

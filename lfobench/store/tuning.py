@@ -16,10 +16,10 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from lfobench.contract.record import Record, Tuning, content_hash
+from lfobench.contract.record import MOST_BYTES, Record, Tuning, content_hash
 from lfobench.contract.statistic import Statistic
 from lfobench.errors import UserError
-from lfobench.files import write_text
+from lfobench.files import read_within, write_text
 from lfobench.plan.cells import Cell, Run
 from lfobench.plan.names import parse_assignments, parse_grids, spelled_grid
 from lfobench.plan.planning import Plan, Request
@@ -200,7 +200,7 @@ class TuningFolder:
     @staticmethod
     def _read(path: Path) -> Choice | None:
         try:
-            content = json.loads(path.read_bytes())
+            content = json.loads(read_within(path, MOST_BYTES))
             seal = content.pop(SEAL, None) if isinstance(content, dict) else None
             choice = Choice.model_validate(content)
         except (OSError, ValueError, ValidationError, RecursionError):

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -261,21 +260,6 @@ def test_a_part_grows_without_touching_what_is_there(tmp_path: Path) -> None:
     assert growing.missing(SHARD) == []
     assert growing.missing(3 * SHARD) == [1, 2]
     assert growing.path(0).stat().st_mtime_ns == stamp
-
-
-def dead_process() -> int:
-    """The id of a process that is no more."""
-    with subprocess.Popen([sys.executable, "-c", ""]) as child:
-        child.wait()
-    return child.pid
-
-
-def test_leftovers_of_a_killed_build_are_removed(cache: PartCache) -> None:
-    leftover = cache.folder / f"00001.safetensors.{dead_process()}{TEMPORARY_SUFFIX}"
-    leftover.write_bytes(b"half a shard")
-    remove_leftovers(cache.root)
-    assert not leftover.exists()
-    assert cache.path(0).exists()
 
 
 def test_a_build_in_progress_elsewhere_is_left_alone(cache: PartCache, monkeypatch: pytest.MonkeyPatch) -> None:

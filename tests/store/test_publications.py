@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -173,3 +174,18 @@ def test_no_file_breaks_the_reader(tmp_path_factory: pytest.TempPathFactory, con
         assert str(file) in refused.problem
     else:
         assert publication.tables[0].rows
+
+
+@pytest.mark.parametrize("kind", ["pipe", "endless", "large"])
+def test_what_is_no_table_is_not_waited_for(kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    if kind == "pipe":
+        os.mkfifo(file)
+    elif kind == "endless":
+        file.symlink_to("/dev/zero")
+    else:
+        with file.open("wb") as sparse:
+            sparse.truncate(2 * 10**9)
+    said = refusal(str(file))
+    assert str(file) in said
+    assert ("2,000,000,000 bytes" if kind == "large" else "not a regular file") in said

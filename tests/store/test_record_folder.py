@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from helpers_engine import POLE_TASK, smoke_cell
 from lfobench.contract.record import Evaluation, Metrics, Record, Warning, content_hash
 from lfobench.errors import UserError
 from lfobench.plan.cells import Run
+from lfobench.store.failures import read_failures
 from lfobench.store.folder import SEAL, RecordFolder, read_record, select
 
 
@@ -245,6 +248,114 @@ def test_a_truncated_record_runs_again(folder: RecordFolder, run: Run) -> None:
     path.write_bytes(path.read_bytes()[:200])
     assert folder.find(run) is None
     assert len(folder.read_all().warnings) == 1
+
+
+# --- what takes the place of a record and is none --------------------------------------------------------------------
+
+
+def pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def endless(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def two_gigabytes(path: Path) -> None:
+    with path.open("wb") as file:
+        file.truncate(2 * 10**9)
+
+
+def deep(path: Path) -> None:
+    path.write_text("[" * 100_000 + "]" * 100_000, encoding="utf-8")
+
+
+def long_number(path: Path) -> None:
+    path.write_text('{"schema_version": 1, "status": ' + "9" * 100_000 + "}", encoding="utf-8")
+
+
+def its_own_link(path: Path) -> None:
+    path.symlink_to(path)
+
+
+def is_a_folder(path: Path) -> None:
+    path.mkdir()
+
+
+@pytest.mark.parametrize(
+    ("make", "cause"),
+    [
+        (pipe, "not a regular file"),
+        (endless, "not a regular file"),
+        (two_gigabytes, "2,000,000,000 bytes"),
+        (deep, "recursion"),
+        (long_number, "digits"),
+        (its_own_link, "symbolic links"),
+        (is_a_folder, "directory"),
+    ],
+)
+def test_what_is_no_file_of_ours_is_named_at_once(
+    make: Callable[[Path], None], cause: str, folder: RecordFolder, run: Run
+) -> None:
+    """In the place of a record, of a crash and of a choice; the records beside it are read."""
+    kept = folder.write(run, record_of(run))
+    other = Run(run.cell, 4)
+    for path in (folder.path(other), folder.failure(other)):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        make(path)
+    read = folder.read_all()
+    assert read.records == [read_record(kept)]
+    (warning,) = read.warnings
+    assert str(folder.path(other)) in warning.what
+    assert cause in warning.what.lower()
+    assert folder.find(other) is None
+    failures, skipped = read_failures(folder, read.records)
+    assert failures == []
+    assert [str(folder.failure(other)) in each.what for each in skipped] == [True]
+
+
+def nested(levels: int) -> Any:
+    value: Any = 1
+    for _ in range(levels):
+        value = {"deeper": [value]}
+    return value
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "cause"),
+    [
+        (("evaluations", 0, "lengths"), [10**18, 1], "lengths.0"),
+        (("evaluations", 0, "lengths"), [-1, 1], "lengths.0"),
+        (("evaluations", 0, "step"), 10**18, "step"),
+        (("diverged_at",), 10**18, "diverged_at"),
+        (("evaluations", 0, "returns"), [1.0] * 100_001, "returns"),
+        (("evaluations",), [{"step": 1, "returns": [1.0], "lengths": [1]}] * 1_000_000, "evaluations"),
+        (("metrics",), [{"stage": "a", "step": 1, "values": {}}] * 100_001, "metrics"),
+        (("identity", "protocol", "evaluation_episodes"), 10**18, "evaluation_episodes"),
+        (("identity", "protocol", "steps"), 10**18, "steps"),
+        (("identity", "recipe", "offline_transitions"), -1, "identity.recipe"),
+        (("identity", "set"), nested(40), "identity"),
+        (("provenance", "device"), nested(40), "provenance"),
+    ],
+    ids=lambda value: ".".join(map(str, value)) if isinstance(value, tuple) else "",
+)
+def test_counts_that_no_run_has_are_refused(
+    place: tuple[str | int, ...], value: Any, cause: str, folder: RecordFolder, run: Run
+) -> None:
+    """Sealed by whoever made them."""
+    path = folder.write(run, record_of(run))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    del content[SEAL]
+    inner = content
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    content["identity_hash"] = content_hash(content["identity"])
+    path.write_text(json.dumps({**content, SEAL: content_hash(content)}), encoding="utf-8")
+    outcome = read_record(path)
+    assert isinstance(outcome, Warning)
+    assert cause in outcome.what
+    assert len(outcome.what) < 500
 
 
 def test_no_folder_is_a_users_mistake(tmp_path: Path) -> None:
