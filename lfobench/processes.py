@@ -22,14 +22,16 @@ def available_cores() -> int:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back inside the block; processes started in it never see one.
+    """Hold SIGINT, SIGTERM and SIGHUP back inside the block; processes started in it never see one.
 
     Terminals and schedulers signal the whole process group. Only the parent may act on it, also while a worker
     is still importing its modules; a parent that dies takes its workers along by `die_with_parent`.
     """
-    # The first process of an interpreter starts this tracker, which lets the signals through again.
+    # The first process or lock of an interpreter starts this tracker. It ignores the first two signals, and lets them
+    # through again in this process; the third it would die of.
+    previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     resource_tracker.ensure_running()
-    previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:

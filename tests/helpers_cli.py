@@ -13,6 +13,9 @@ import pytest
 
 import lfobench.cli
 
+PATIENCE = 900.0
+"""Seconds after which something hangs, however busy the machine is; nothing that works waits for their end."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -50,12 +53,10 @@ def environment(changes: Mapping[str, str] | None = None) -> dict[str, str]:
     return {**os.environ, **(changes or {})}
 
 
-def process(
-    command: Sequence[str], *, cwd: Path | None = None, env: Mapping[str, str] | None = None, timeout: float = 120.0
-) -> Outcome:
+def process(command: Sequence[str], *, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Outcome:
     """Run a command to its end."""
     done = subprocess.run(
-        list(command), cwd=cwd, env=environment(env), capture_output=True, text=True, timeout=timeout, check=False
+        list(command), cwd=cwd, env=environment(env), capture_output=True, text=True, timeout=PATIENCE, check=False
     )
     return Outcome(done.returncode, done.stdout, done.stderr)
 

@@ -112,8 +112,8 @@ def build(jobs: Sequence[ShardJob | ImportJob], workers: int) -> Iterator[ShardJ
         yield from map(build_shard, jobs)
         return
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context, initializer=die_with_parent)
     with interrupts_held():
+        pool = ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context, initializer=die_with_parent)
         pending: set[Future[ShardJob | ImportJob]] = {pool.submit(build_shard, job) for job in jobs}
     try:
         while pending:

@@ -48,7 +48,7 @@ def attempt(job: Job, carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator
         yield Ended("busy", "another process is training it")
     except UserError as error:
         yield Ended("failed", str(error))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         yield Ended("failed", f"{type(error).__name__}: {error}", traceback.format_exc(), own_lines(error))
     else:
         yield Ended("stopped" if stop() else "done")

@@ -7,6 +7,7 @@ replaced; a parent that dies takes its workers along, so that nothing trains uns
 from __future__ import annotations
 
 import multiprocessing
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
@@ -18,6 +19,8 @@ from lfobench.executors.events import CarryOut, Ended, Event, attempt
 from lfobench.processes import die_with_parent, interrupts_held
 
 POLL_SECONDS = 0.2
+LEAVING_SECONDS = 5.0
+"""For a checkpoint that is being written when nobody waits for its job any more."""
 
 
 class _Worker:
@@ -35,12 +38,6 @@ class _Worker:
         self.index = index
         self.pipe.send(job)
 
-    def close(self) -> None:
-        self.pipe.close()
-        self.process.join(timeout=5.0)
-        if self.process.is_alive():
-            self.process.kill()
-
 
 def execute(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
     """Carry out `jobs` on `workers` processes; events of different jobs interleave.
@@ -48,7 +45,8 @@ def execute(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: Callab
     After a stop the running jobs save their checkpoints and end; the rest is left for the next command.
     """
     context = multiprocessing.get_context("spawn")
-    flag = context.Event()
+    with interrupts_held():
+        flag = context.Event()
     waiting = deque(enumerate(jobs))
     pool = [_Worker(context, carry_out, flag) for _ in range(min(workers, len(jobs)))]
     try:
@@ -68,8 +66,21 @@ def execute(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: Callab
                 yield from _receive(busy[ready])  # type: ignore[index]
     finally:
         flag.set()
+        _end(pool)
+
+
+def _end(pool: Sequence[_Worker]) -> None:
+    """Let the processes leave, and kill those that take too long; none of them is left, not even as a zombie."""
+    patience = time.monotonic() + LEAVING_SECONDS
+    try:
         for worker in pool:
-            worker.close()
+            worker.pipe.close()
+        for worker in pool:
+            worker.process.join(timeout=max(0.0, patience - time.monotonic()))
+    finally:
+        for worker in pool:
+            worker.process.kill()
+            worker.process.join()
 
 
 def _receive(worker: _Worker) -> Iterator[Event]:
@@ -93,4 +104,7 @@ def _work(pipe: Connection, carry_out: CarryOut, flag: StopFlag) -> None:
         except (EOFError, OSError):
             return
         for what in attempt(job, carry_out, flag.is_set):
-            pipe.send(what)
+            try:
+                pipe.send(what)
+            except OSError:
+                return  # nobody listens any more

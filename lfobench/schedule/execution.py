@@ -78,7 +78,7 @@ class Watcher:
 
 
 class StopRequest:
-    """Set by the first Ctrl-C or SIGTERM; the second ends the process at once.
+    """Set by the first Ctrl-C, SIGTERM or SIGHUP; one more Ctrl-C ends the work at once.
 
     Args:
         announce: called once, when a stop is asked for.
@@ -94,20 +94,31 @@ class StopRequest:
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Handle signals inside the block. Only the main thread can; in any other, nothing asks for a stop."""
+        """Handle signals inside the block, which a second Ctrl-C ends.
+
+        Only the main thread can; in any other, nothing asks for a stop.
+        """
         if threading.current_thread() is not threading.main_thread():
             yield
             return
-        previous = {number: signal.signal(number, self._handle) for number in (signal.SIGINT, signal.SIGTERM)}
+        numbers = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+        if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+            numbers.remove(signal.SIGHUP)  # as nohup asked for
+        previous = {number: signal.signal(number, self._handle) for number in numbers}
         try:
             yield
+        except KeyboardInterrupt:
+            self.asked = True
         finally:
             for number, handler in previous.items():
                 signal.signal(number, handler)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.asked:
-            raise KeyboardInterrupt
+            # Schedulers and shells send theirs more than once, and mean the same.
+            if number == signal.SIGINT:
+                raise KeyboardInterrupt
+            return
         self.asked = True
         self._announce()
 
@@ -133,16 +144,13 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, stop: StopRe
         writable_folder(agenda.cache, "LFOBENCH_CACHE")
     writable_folder(out, "--out")
     tally = Tally()
-    try:
-        with stop.listening():
-            build_data(agenda.shards, agenda.builders, stop, watcher)
-            RecordFolder(out).remove_leftovers()
-            if not stop():
-                _look_at_data(agenda, rebuild, stop, watcher)
-            if not stop():
-                _train(agenda, expected, out, stop, watcher, tally)
-    except KeyboardInterrupt:
-        stop.asked = True
+    with stop.listening():
+        build_data(agenda.shards, agenda.builders, stop, watcher)
+        RecordFolder(out).remove_leftovers()
+        if not stop():
+            _look_at_data(agenda, rebuild, stop, watcher)
+        if not stop():
+            _train(agenda, expected, out, stop, watcher, tally)
     tally.stopped = stop()
     if not (tally.stopped or tally.failed or tally.busy):
         remove_checkpoints_of_the_finished(agenda, out)

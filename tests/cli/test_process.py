@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -13,7 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-from helpers_cli import arguments, environment, process
+from helpers_cli import PATIENCE, Outcome, arguments, assert_refused, environment, process
 from helpers_engine import TINY, finish, make_job, records_of, smoke_cell
 
 from lfobench.engine.job import Job
@@ -123,11 +124,48 @@ def test_a_plug_in_that_cannot_be_imported_is_named(plug_in: Path) -> None:
         assert "dilo" in outcome.out
 
 
+# --- streams that cannot be written ----------------------------------------------------------------------------------
+
+
+def shell(command: str, tmp_path: Path) -> Outcome:
+    """A command line with redirections; ``LFOBENCH`` in it is the command."""
+    (tmp_path / "runs").mkdir(exist_ok=True)
+    line = command.replace("LFOBENCH", shlex.join(arguments()))
+    return process(["/bin/sh", "-c", line], cwd=tmp_path)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_behind_the_output_is_one_line(tmp_path: Path) -> None:
+    outcome = shell("LFOBENCH ls methods > /dev/full", tmp_path)
+    assert_refused(outcome, "No space left on device")
+    outcome = shell("LFOBENCH ls methods --json > /dev/full", tmp_path)
+    assert_refused(outcome, "No space left on device")
+
+
+@pytest.mark.parametrize("where", ["2> /dev/full", "2>&-"])
+def test_messages_that_nobody_can_read_change_no_outcome(where: str, tmp_path: Path) -> None:
+    """A log on a full disk, or a terminal that is gone, ends no command."""
+    assert shell(f"LFOBENCH ls methods {where}", tmp_path).code == 0
+    assert shell(f"LFOBENCH table --out nowhere {where}", tmp_path).code == 2
+
+
+def test_a_terminal_of_ascii_gets_every_number(tmp_path: Path) -> None:
+    outcome = shell("PYTHONIOENCODING=ascii LFOBENCH audit dilo-2024", tmp_path)
+    assert outcome.code == 0, outcome.err
+    assert outcome.out.isascii()
+    assert "+-" in outcome.out
+
+
 # --- Ctrl-C ----------------------------------------------------------------------------------------------------------
 
 
 def interrupt_when(
-    ready: Callable[[], bool], command: Sequence[str], *, everyone: bool, cache: Path
+    ready: Callable[[], bool],
+    command: Sequence[str],
+    *,
+    everyone: bool,
+    cache: Path,
+    number: signal.Signals = signal.SIGINT,
 ) -> subprocess.CompletedProcess[str]:
     """Start a command, wait until something is seen, press Ctrl-C; a terminal sends it to the whole group."""
     with subprocess.Popen(
@@ -141,13 +179,17 @@ def interrupt_when(
         while not ready():
             assert running.poll() is None, running.communicate()
             time.sleep(0.005)
-        (os.killpg if everyone else os.kill)(running.pid, signal.SIGINT)
-        out, err = running.communicate(timeout=120)
+        (os.killpg if everyone else os.kill)(running.pid, number)
+        out, err = running.communicate(timeout=PATIENCE)
     return subprocess.CompletedProcess(list(command), running.returncode, out, err)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_interrupted_and_continued(workers: int, tmp_path: Path, shared_cache: Path) -> None:
+@pytest.mark.parametrize(
+    ("workers", "number"),
+    [(1, signal.SIGINT), (2, signal.SIGINT), (2, signal.SIGHUP), (1, signal.SIGTERM)],
+    ids=["one-ctrl-c", "pool-ctrl-c", "pool-hangup", "one-term"],
+)
+def test_interrupted_and_continued(workers: int, number: signal.Signals, tmp_path: Path, shared_cache: Path) -> None:
     seeds = range(10)
     cell = smoke_cell("bc")
     jobs = [make_job(cell, [seed], tmp_path / "straight", shared_cache) for seed in seeds]
@@ -155,7 +197,9 @@ def test_interrupted_and_continued(workers: int, tmp_path: Path, shared_cache: P
     command = arguments(
         "run", "--methods", "bc", "--suite", TINY, *TASK, "--seeds", "0-9", "--workers", workers, "--out", out
     )
-    stopped = interrupt_when(lambda: any(out.rglob("*.json")), command, everyone=workers > 1, cache=shared_cache)
+    stopped = interrupt_when(
+        lambda: any(out.rglob("*.json")), command, everyone=workers > 1, cache=shared_cache, number=number
+    )
     assert stopped.returncode == 130, stopped
     assert "The same command continues" in stopped.stderr
     assert "Traceback" not in stopped.stderr

@@ -23,7 +23,7 @@ from helpers_engine import (
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.executors import local, pool
-from lfobench.executors.events import Ended, Event
+from lfobench.executors.events import CarryOut, Ended, Event
 
 pytestmark = pytest.mark.slow
 
@@ -116,6 +116,52 @@ def test_a_stop_reaches_every_worker_and_nothing_stays_behind(tmp_path: Path, sh
         seen.add(event.index)
         events.append(event)
     assert outcomes(events) == {0: "stopped", 1: "stopped"}, "the third was not begun"
-    for worker in tmp_path.glob("*.worker"):
+    assert_gone(tmp_path)
+
+
+def assert_gone(folder: Path) -> None:
+    """Not even a zombie is left of the workers that said who they are."""
+    workers = list(folder.glob("*.worker"))
+    assert workers
+    for worker in workers:
         with pytest.raises(ProcessLookupError):
             os.kill(int(worker.stem), 0)
+
+
+def dawdle(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
+    """Does not care for a stop."""
+    (job.out / f"{os.getpid()}.worker").touch()
+    while True:
+        time.sleep(0.05)
+        yield Advance("dawdling", 0, 1, None)
+
+
+@pytest.mark.parametrize("work", [crawl, dawdle])
+def test_whoever_stops_listening_leaves_no_process(
+    work: CarryOut, tmp_path: Path, shared_cache: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A second Ctrl-C; also with a worker that will not leave, or is too slow for it on a busy machine."""
+    jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1)]
+    events = pool.execute(jobs, work, 2, never)
+    seen: set[int] = set()
+    while len(seen) < 2:
+        seen.add(next(events).index)
+    with pytest.raises(KeyboardInterrupt):
+        events.throw(KeyboardInterrupt())  # type: ignore[attr-defined]
+    assert_gone(tmp_path)
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def leave(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
+    """What a method that calls ``sys.exit`` does to its job."""
+    if job.seeds == (0,):
+        raise SystemExit("enough")
+    yield Advance("staying", 1, 1, None)
+
+
+@pytest.mark.parametrize("workers", [None, 2])
+def test_a_method_that_exits_ends_its_own_job_only(workers: int | None, tmp_path: Path, shared_cache: Path) -> None:
+    jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1)]
+    events = list(local.execute(jobs, leave, never) if workers is None else pool.execute(jobs, leave, workers, never))
+    assert outcomes(events) == {0: "failed", 1: "done"}
+    assert "enough" in endings(events)[0].message
