@@ -74,7 +74,8 @@ def download(
             if note is None:
                 absent.append(name)
             else:
-                output.print(f"{escape(name)}: {escape(note.path)}, SHA-256 {note.sha256[:16]}…", soft_wrap=True)
+                plain = ", fetched over plain HTTP" if note.address.startswith("http:") else ""
+                output.print(f"{escape(name)}: {escape(note.path)}, SHA-256 {note.sha256[:16]}…{plain}", soft_wrap=True)
     if absent:
         errors.print(escape(f"Not in {from_folder}: {', '.join(absent)}."), soft_wrap=True)
     if refused:

@@ -1,5 +1,8 @@
 """Fetching one file over HTTP: resumed where it broke off, from the next address where one fails.
 
+HTTPS is asked first, and plain HTTP where nothing else gives the file. Its first bytes are looked at before the rest is
+fetched, and no more comes than the host says, or than `MOST_BYTES`.
+
 Bytes go into ``<name>.part`` beside the target, and only what has been looked at takes the target's name. Two processes
 that want one file take turns: the second finds it there.
 """
@@ -8,30 +11,38 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import urlsplit
 
 import requests
-from filelock import FileLock, Timeout
 from pydantic import BaseModel
 
 from lfobench.data.download_errors import NO_ADDRESS, Broken, reason, way_out
 from lfobench.data.isolated import DataFileRefused
 from lfobench.errors import UserError
-from lfobench.files import cannot_delete
+from lfobench.files import Held, cannot_delete, locked
 from lfobench.words import shown
 
 MIRROR = "LFOBENCH_MIRROR"
 """Environment variable: addresses of folders, separated by commas, that are asked before a file's own addresses."""
+OPTION = "LFOBENCH_CACHE"
 CONNECT_SECONDS, SILENT_SECONDS = 10.0, 30.0
 ATTEMPTS = 4
 """Per address, as long as each brings new bytes; one that brings none is the last."""
+MOST_BYTES = 20 * 10**9
+"""Of one file; the largest of D4RL's that a suite reads has less than a twentieth."""
+START = 512
+"""First bytes that tell what a file is."""
 BLOCK = 2**14
 """Of a connection that breaks, the bytes of a block that is not whole are lost."""
 
 Report = Callable[[int, int | None], None]
 """Called with the bytes that are here and, where the host says so, how many there will be."""
+
+Begins = Callable[[bytes], str]
+"""Why a file that begins with these bytes is none that is wanted; empty where it may be."""
 
 
 class _Failed(Exception):
@@ -59,13 +70,16 @@ class Fetched:
     address: str
 
 
-def fetch(name: str, addresses: Sequence[str], target: Path, look: Callable[[Path], None], report: Report) -> Fetched:
+def fetch(
+    name: str, addresses: Sequence[str], target: Path, begins: Begins, look: Callable[[Path], None], report: Report
+) -> Fetched:
     """Fetch a file, unless it is there.
 
     Args:
         name: what it is called, for messages.
         addresses: of the file, in order; mirrors from the environment come before them.
         target: where it is to lie.
+        begins: asked of its first bytes, before the rest is fetched.
         look: raises `DataFileRefused` for what must not take the target's name.
         report: told of progress.
 
@@ -74,10 +88,10 @@ def fetch(name: str, addresses: Sequence[str], target: Path, look: Callable[[Pat
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        with FileLock(f"{target}.lock"):
+        with locked(_lock(target), OPTION, wait=True):
             if target.exists():
                 return Fetched(target, "")
-            return _from_any(name, list(_mirrored(addresses)), target, look, report)
+            return _from_any(name, list(dict.fromkeys(_asked(addresses))), target, begins, look, report)
     except OSError as error:
         raise UserError(f"Cannot write {target}: {error.strerror or error}.", way_out(error)) from error
 
@@ -96,32 +110,47 @@ def discard(target: Path) -> bool:
     if not fetched(target):
         return False
     try:
-        with FileLock(f"{target}.lock", timeout=0):
+        with locked(_lock(target), OPTION):
             target.unlink(missing_ok=True)
             _discard_partial(_partial(target))
-    except Timeout as error:
+    except Held as error:
         raise UserError(f"Another process is fetching {target}.", "Wait until it is done, or stop it.") from error
     except OSError as error:
         raise cannot_delete(target, error) from error
     return True
 
 
-def _mirrored(addresses: Sequence[str]) -> Iterator[str]:
+def _asked(addresses: Sequence[str]) -> Iterator[str]:
+    """Mirrors as they are written; then the file's own addresses, all of them over HTTPS first."""
     file = PurePosixPath(addresses[0].partition("?")[0]).name
     for mirror in os.environ.get(MIRROR, "").split(","):
         if mirror.strip():
             yield f"{mirror.strip().rstrip('/')}/{file}"
+    yield from map(_secured, addresses)
     yield from addresses
 
 
+def _secured(address: str) -> str:
+    """The address over HTTPS; as it is where it names a port, which speaks one of the two."""
+    with suppress(ValueError):
+        if (parts := urlsplit(address)).scheme == "http" and parts.port is None:
+            return parts._replace(scheme="https").geturl()
+    return address
+
+
 def _from_any(
-    name: str, addresses: Sequence[str], target: Path, look: Callable[[Path], None], report: Report
+    name: str,
+    addresses: Sequence[str],
+    target: Path,
+    begins: Begins,
+    look: Callable[[Path], None],
+    report: Report,
 ) -> Fetched:
     partial = _partial(target)
     tried = []
     for address in addresses:
         try:
-            _from_one(address, partial, report)
+            _from_one(address, partial, begins, report)
             look(partial)
         except _Failed as failure:
             tried.append(f"{address}: {failure}")
@@ -139,7 +168,7 @@ def _from_any(
     )
 
 
-def _from_one(address: str, partial: Path, report: Report) -> None:
+def _from_one(address: str, partial: Path, begins: Begins, report: Report) -> None:
     """Bring all bytes of an address into `partial`."""
     try:
         scheme = urlsplit(address).scheme
@@ -147,26 +176,27 @@ def _from_one(address: str, partial: Path, report: Report) -> None:
         raise _Failed(f"it is no address ({error})") from error
     if scheme not in ("http", "https"):
         raise _Failed("only http and https addresses are fetched")
-    if (origin := _origin(partial)) is None or origin.address != address or not origin.validator:
-        _discard_partial(partial)
     for attempt in range(1, ATTEMPTS + 1):
-        before = _size(partial)
+        before = _here(partial, address)
         try:
-            _attempt(address, partial, report)
+            _attempt(address, partial, begins, report)
         except requests.RequestException as error:
             # Bytes that were no part of the file are gone by now, and the next attempt begins anew.
-            if attempt == ATTEMPTS or 0 < _size(partial) <= before or before == _size(partial) == 0:
+            now = _here(partial, address)
+            if attempt == ATTEMPTS or 0 < now <= before or before == now == 0:
                 raise _Failed(reason(error)) from error
         else:
             return
 
 
-def _attempt(address: str, partial: Path, report: Report) -> None:
-    here, origin = _size(partial), _origin(partial)
+def _attempt(address: str, partial: Path, begins: Begins, report: Report) -> None:
+    here, origin = _here(partial, address), _origin(partial)
     headers = {"Accept-Encoding": "identity"}
-    if here and origin is not None and origin.validator:
+    if here and origin is not None:
         headers |= {"Range": f"bytes={here}-", "If-Range": origin.validator}
     with _ask(address, headers) as answer:
+        if address.startswith("https:") and not answer.url.startswith("https:"):
+            raise _Failed("it leads to an address without https")
         if answer.status_code == requests.codes.requested_range_not_satisfiable:
             if answer.headers.get("Content-Range", "") == f"bytes */{here}":
                 return
@@ -182,12 +212,21 @@ def _attempt(address: str, partial: Path, report: Report) -> None:
         if continued and (encoded or not place.startswith(f"bytes {here}-") or origin is None or origin.total != total):
             _discard_partial(partial)
             raise Broken("the host continues another file, or from another place")
+        if (total or 0) > MOST_BYTES:
+            raise _Failed(_too_large(total))
         if not continued:
             validator = "" if encoded else _validator(answer)
             _note(partial, _Origin(address=address, validator=validator, total=total))
+        start = b""
         with partial.open("ab" if continued else "wb") as file:
             for block in answer.iter_content(BLOCK):
+                if not continued and len(start) < START:
+                    start += block[: START - len(start)]
+                    if len(start) == START and (problem := begins(start)):
+                        raise _not_wanted(partial, problem)
                 file.write(block)
+                if file.tell() > MOST_BYTES:
+                    raise _not_wanted(partial, _too_large())
                 report(file.tell(), total)
             file.flush()
             os.fsync(file.fileno())
@@ -213,6 +252,27 @@ def _validator(answer: requests.Response) -> str:
     """By what the host knows this version of the file again (RFC 9110, 13.1.5); a weak tag does not do."""
     tag = answer.headers.get("ETag", "")
     return answer.headers.get("Last-Modified", "") if not tag or tag.startswith("W/") else tag
+
+
+def _not_wanted(partial: Path, why: str) -> _Failed:
+    """The error for bytes that are no part of the file, which are deleted."""
+    _discard_partial(partial)
+    return _Failed(why)
+
+
+def _too_large(total: int | None = None) -> str:
+    there = "it goes on" if total is None else f"it has {total / 1e9:,.1f} GB"
+    return f"{there}, and at most {MOST_BYTES / 1e9:g} GB are fetched"
+
+
+def _here(partial: Path, address: str) -> int:
+    """Bytes of that address that can be continued."""
+    origin = _origin(partial)
+    return _size(partial) if origin is not None and origin.address == address and origin.validator else 0
+
+
+def _lock(target: Path) -> Path:
+    return target.with_name(f"{target.name}.lock")
 
 
 def _size(path: Path) -> int:

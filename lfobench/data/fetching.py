@@ -14,6 +14,8 @@ from lfobench.data.cache import forget_imports
 from lfobench.data.download import Report, discard, fetch, fetched
 from lfobench.data.isolated import DataFileRefused, examine_file
 from lfobench.data.library import Library, Note
+from lfobench.data.readers.hdf5 import FileProblem
+from lfobench.data.readers.start import check_first_bytes
 from lfobench.errors import UserError
 from lfobench.files import exists
 
@@ -65,7 +67,7 @@ def bring(library: Library, wanted: Wanted, report: Report) -> Note:
     if first.startswith(MINARI):
         return _with_minari(library, wanted, first.removeprefix(MINARI))
     place = library.place(wanted.source, wanted.file)
-    arrived = fetch(wanted.file.name, wanted.file.addresses, place, lambda path: look(path, wanted), report)
+    arrived = fetch(wanted.file.name, wanted.file.addresses, place, _not_data, lambda path: look(path, wanted), report)
     if not arrived.address:
         look(place, wanted)  # put there by hand, or by another process
     return library.take_in(wanted.source, wanted.file, place, arrived.address)
@@ -129,6 +131,14 @@ def look(path: Path, wanted: Wanted) -> None:
                 f"{wanted.environment.id} {shape[0] if shape else 0}.",
                 "Download it again.",
             )
+
+
+def _not_data(start: bytes) -> str:
+    try:
+        check_first_bytes(start)
+    except FileProblem as problem:
+        return problem.cause
+    return ""
 
 
 def _names(file: DataFile) -> list[str]:

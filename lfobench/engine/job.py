@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 import torch
-from filelock import FileLock, Timeout
 
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Evaluation, Record, Warning, content_hash
@@ -22,7 +21,7 @@ from lfobench.engine import checkpoint
 from lfobench.engine.policy import save_policy
 from lfobench.engine.provenance import package_versions, provenance
 from lfobench.engine.training import Advance, Trainer
-from lfobench.files import writable_folder
+from lfobench.files import Held, locked, writable_folder
 from lfobench.plan.cells import Cell, Run
 from lfobench.plan.parts import build_command
 from lfobench.plan.sources import spelled
@@ -88,22 +87,19 @@ def carry_out(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded
     folder = RecordFolder(job.out)
     writable_folder(folder.checkpoints, "--out")
     with ExitStack() as held:
-        free = [run for run in job.runs if _locked(folder, run, held)]
+        free = [run for run in job.runs if _taken(folder, run, held)]
         pending = [run for run in free if not folder.find(run)]
         if pending:
             yield from _train(job, pending, folder, stop)
-        if not stop():
-            for run in free:
-                folder.lock(run).unlink(missing_ok=True)
     if len(free) < len(job.runs):
         raise Busy
 
 
-def _locked(folder: RecordFolder, run: Run, held: ExitStack) -> bool:
+def _taken(folder: RecordFolder, run: Run, held: ExitStack) -> bool:
     """Take a run's lock, if no other process has it."""
     try:
-        held.enter_context(FileLock(folder.lock(run), blocking=False))
-    except Timeout:
+        held.enter_context(locked(folder.lock(run), "--out"))
+    except Held:
         return False
     return True
 

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import errno
 import gzip
+import io
 import json
 import os
 import threading
-import time
 from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
-from filelock import FileLock
+from helpers_cli import PATIENCE
 
 from lfobench.data import download
 from lfobench.data.download import Fetched, discard, fetch
 from lfobench.data.isolated import DataFileRefused
 from lfobench.errors import UserError
+from lfobench.files import locked
 
 CONTENT = bytes(range(256)) * 400
+OTHER = CONTENT[:512] + bytes(39_488)
 TAG = '"one"'
 Answer = Callable[["Host"], None]
 
@@ -29,6 +31,8 @@ class Host(BaseHTTPRequestHandler):
     """Answers by the path's first part; counts requests, and remembers the ranges that were asked for."""
 
     asked: list[str]
+    over: threading.Event
+    sent: dict[str, int]
 
     def do_GET(self) -> None:
         type(self).asked.append(f"{self.path} {self.headers.get('Range', '')}".strip())
@@ -92,13 +96,13 @@ def other_place(host: Host) -> None:
 def stalls(host: Host) -> None:
     host.send(CONTENT[:1000], Content_Length=len(CONTENT))
     host.wfile.flush()
-    time.sleep(1.0)
+    type(host).over.wait()
 
 
 def changes(host: Host) -> None:
     """Breaks off in one file, and has another one, of the same length, when it is asked to continue."""
     if host.times == 1:
-        host.send(bytes(40_000), Content_Length=len(CONTENT), ETag='"old"')
+        host.send(OTHER, Content_Length=len(CONTENT), ETag='"old"')
     elif host.headers.get("If-Range") == TAG:
         host.continued(CONTENT[host.start :])
     else:
@@ -108,7 +112,7 @@ def changes(host: Host) -> None:
 def longer_now(host: Host) -> None:
     """Continues what it should not: the same tag, another length."""
     if host.times == 1:
-        host.send(bytes(40_000), Content_Length=len(CONTENT) + 7)
+        host.send(OTHER, Content_Length=len(CONTENT) + 7)
     elif host.start:
         host.continued(CONTENT[host.start :])
     else:
@@ -135,6 +139,23 @@ def compressed(host: Host) -> None:
 
 def badly_compressed(host: Host) -> None:
     host.send(b"not compressed", Content_Encoding="gzip")
+
+
+def endless(host: Host) -> None:
+    """Of another kind, or without a length, until nobody listens any more."""
+    host.send_response(200)
+    host.end_headers()
+    other = bytes(4096) if host.path.endswith("zeros") else CONTENT
+    try:
+        while True:
+            host.wfile.write(other)
+            host.sent[host.path] = host.sent.get(host.path, 0) + len(other)
+    except OSError:
+        host.over.set()
+
+
+def huge(host: Host) -> None:
+    host.send(CONTENT, Content_Length=30 * 10**9)
 
 
 def odd_words(host: Host) -> None:
@@ -165,6 +186,8 @@ ANSWERS: dict[str, Answer] = {
     "to-a-file": lambda host: host.send(b"", 302, Location="file:///etc/passwd"),
     "to-nowhere": lambda host: host.send(b"", 302, Location="http://[::1/file"),
     "page": page,
+    "endless": endless,
+    "huge": huge,
     "403": lambda host: host.send(b"no", 403),
     "404": lambda host: host.send(b"no", 404),
     "500": lambda host: host.send(b"no", 500),
@@ -174,12 +197,12 @@ ANSWERS: dict[str, Answer] = {
 @pytest.fixture
 def host(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     monkeypatch.delenv(download.MIRROR, raising=False)
-    monkeypatch.setattr(download, "SILENT_SECONDS", 0.3)
-    Host.asked = []
+    Host.asked, Host.over, Host.sent = [], threading.Event(), {}
     server = ThreadingHTTPServer(("127.0.0.1", 0), Host)
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}"
+    Host.over.set()
     server.shutdown()
     server.server_close()
 
@@ -189,8 +212,12 @@ def look(path: Path) -> None:
         raise DataFileRefused(f"{path} is not what it should be.")
 
 
+def begins(start: bytes) -> str:
+    return "" if CONTENT.startswith(start) else f"it begins with {start[:6]!r}"
+
+
 def get(target: Path, *addresses: str) -> Fetched:
-    return fetch("the file", addresses, target, look, lambda here, total: None)
+    return fetch("the file", addresses, target, begins, look, lambda here, total: None)
 
 
 def left(folder: Path) -> set[str]:
@@ -229,7 +256,11 @@ def test_a_broken_download_continues_where_it_broke(tmp_path: Path, host: str) -
         ("500", "500 Internal"),
     ],
 )
-def test_what_does_not_arrive_takes_no_name(tmp_path: Path, host: str, kind: str, said: str) -> None:
+def test_what_does_not_arrive_takes_no_name(
+    tmp_path: Path, host: str, kind: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if kind == "stalls":
+        monkeypatch.setattr(download, "SILENT_SECONDS", 0.3)
     with pytest.raises(UserError, match=said) as caught:
         get(tmp_path / "file", f"{host}/{kind}/file")
     assert "the file could not be fetched" in caught.value.problem
@@ -294,7 +325,7 @@ def test_what_stands_in_the_way_of_looking_costs_no_byte(tmp_path: Path, host: s
         raise UserError("The simulator is not installed.", "Install it.")
 
     with pytest.raises(UserError, match="The simulator is not installed"):
-        fetch("the file", [f"{host}/whole/file"], tmp_path / "file", cannot, lambda here, total: None)
+        fetch("the file", [f"{host}/whole/file"], tmp_path / "file", begins, cannot, lambda here, total: None)
     assert (tmp_path / "file.part").read_bytes() == CONTENT
 
 
@@ -313,7 +344,7 @@ def test_two_that_want_one_file_fetch_it_once(tmp_path: Path, host: str) -> None
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(20)
+        thread.join(PATIENCE)
     assert sorted(each.address for each in found) == ["", f"{host}/breaks-off/file"]
     assert len(Host.asked) == 4
 
@@ -322,11 +353,79 @@ def test_what_was_fetched_is_deleted_but_not_under_another_process(tmp_path: Pat
     target = tmp_path / "file"
     assert not discard(target)
     interrupted(tmp_path, 40_000, "http://elsewhere/file")
-    with FileLock(f"{target}.lock"), pytest.raises(UserError, match="Another process is fetching"):
+    with (
+        locked(Path(f"{target}.lock"), "LFOBENCH_CACHE"),
+        pytest.raises(UserError, match="Another process is fetching"),
+    ):
         discard(target)
     assert (tmp_path / "file.part").exists()
     assert discard(target)
     assert not left(tmp_path)
+
+
+# --- what is not wanted is not fetched -------------------------------------------------------------------------------
+
+
+def test_the_first_bytes_are_looked_at_before_the_rest_comes(tmp_path: Path, host: str) -> None:
+    """The host would send zeros for ever."""
+    with pytest.raises(UserError, match=r"endless/zeros: it begins with b'\\x00"):
+        get(tmp_path / "file", f"{host}/endless/zeros")
+    assert left(tmp_path) == set()
+
+
+def test_no_more_comes_than_the_stated_maximum(tmp_path: Path, host: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(download, "MOST_BYTES", 1_000_000)
+    with pytest.raises(UserError, match=r"it goes on, and at most 0\.001 GB are fetched"):
+        get(tmp_path / "file", f"{host}/endless/file")
+    assert Host.over.wait(PATIENCE), "the host is told"
+    assert left(tmp_path) == set()
+
+
+def test_a_declared_size_beyond_the_maximum_is_refused_at_once(tmp_path: Path, host: str) -> None:
+    with pytest.raises(UserError, match=r"it has 30\.0 GB, and at most 20 GB are fetched"):
+        get(tmp_path / "file", f"{host}/huge/file")
+    assert len(Host.asked) == 1
+    assert left(tmp_path) == set()
+
+
+@pytest.mark.parametrize("mirror", [None, "http://mirror.example/files"])
+def test_https_is_asked_before_http(mirror: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mirror is the user's own word; a port speaks one of the two."""
+    asked: list[str] = []
+
+    def refuse(address: str, **_: object) -> None:
+        asked.append(address)
+        raise download.requests.ConnectionError("refused")
+
+    monkeypatch.delenv(download.MIRROR, raising=False)
+    if mirror:
+        monkeypatch.setenv(download.MIRROR, mirror)
+    monkeypatch.setattr(download.requests, "get", refuse)
+    with pytest.raises(UserError):
+        get(tmp_path / "file", "http://one.example/a/file", "https://two.example/file", "http://three.example:80/file")
+    assert asked == [
+        *([f"{mirror}/file"] if mirror else []),
+        "https://one.example/a/file",
+        "https://two.example/file",
+        "http://three.example:80/file",
+        "http://one.example/a/file",
+    ]
+
+
+def test_an_address_that_does_not_answer_costs_no_byte_of_another(tmp_path: Path, host: str) -> None:
+    """HTTPS is tried first each time; the half that came over HTTP is continued all the same."""
+    interrupted(tmp_path, 40_000, f"{host}/breaks-off/file")
+    get(tmp_path / "file", "http://127.0.0.1:9/file", f"{host}/breaks-off/file")
+    assert Host.asked[0] == "/breaks-off/file bytes=40000-"
+
+
+def test_https_that_leads_to_http_is_not_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = download.requests.Response()
+    answer.status_code, answer.url, answer.raw = 200, "http://one.example/file", io.BytesIO(CONTENT)
+    monkeypatch.setattr(download.requests, "get", lambda address, **_: answer)
+    with pytest.raises(UserError, match="without https"):
+        get(tmp_path / "file", "https://one.example/file")
+    assert left(tmp_path) == set()
 
 
 def test_without_a_network(tmp_path: Path) -> None:

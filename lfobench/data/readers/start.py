@@ -32,7 +32,15 @@ def check_start(path: Path) -> None:
         OSError: it cannot be read.
     """
     with path.open("rb") as file:
-        start = file.read(512)
+        check_first_bytes(file.read(512))
+
+
+def check_first_bytes(start: bytes) -> None:
+    """Refuses the first bytes of what is no HDF5 file.
+
+    Raises:
+        FileProblem: as `check_start` does.
+    """
     if start.startswith(SIGNATURE):
         return
     if not start:
