@@ -27,8 +27,6 @@ from lfobench.plan.cells import Cell
 CPU = torch.device("cpu")
 PROBE_ROWS = 4096
 WORLDS = 16
-# A thread more must save this part of a step's time: two half-used cores are better given to two jobs.
-THREAD_GAIN = 0.1
 PROBE_SECONDS = 0.25
 WARM_UP = 2
 RECORDING, RECORDED = "recording", 4
@@ -117,16 +115,6 @@ class Prober:
             operator.record(RECORDED, np.random.default_rng(0))
             self._generation[key] = time.perf_counter() - started
         return self._generation[key]
-
-    def threads(self, cell: Cell, most: int) -> int:
-        """Threads of one process that are worth them to a cell's training: a power of two, at most `most`."""
-        best, seconds = 1, self.estimate(cell, 1).training
-        while 2 * best <= most:
-            found = self.estimate(cell, 1, 2 * best).training
-            if found > seconds * (1.0 - THREAD_GAIN):
-                break
-            best, seconds = 2 * best, found
-        return best
 
     def footprint(self, cell: Cell) -> Footprint:
         """Bytes of the cell's data and of one seed's training, from their shapes and one step on a CPU."""

@@ -1,10 +1,11 @@
-"""Fitting an agenda to the machine: how many jobs at once, with how many seeds, threads and evaluators each."""
+"""Fitting an agenda to the machine: how many jobs at once, with how many seeds, threads and evaluators each.
+
+By rules of counts and sizes, never of measured times: a plan that is asked for twice is the same plan.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from itertools import groupby
 from pathlib import Path
 
 import torch
@@ -24,8 +25,8 @@ from lfobench.store.folder import RecordsRead
 LANES = 3
 # A worker process without its data; `ps` showed 390 MB for `run` itself, 500 to 530 MB for workers with `quick` data.
 PROCESS_BYTES = 400 * 2**20
-# Seeds train in one program on a CPU where that saves this part of their time; products of some size gain nothing.
-TOGETHER_GAIN = 0.2
+# Of one job on a CPU; the products of a step are too small to occupy more.
+MOST_THREADS = 4
 
 
 def arranged(plan: Plan, read: RecordsRead, out: Path, workers: int | None) -> tuple[Agenda, Forecast]:
@@ -51,7 +52,7 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
 
     Args:
         agenda: what is left to do.
-        prober: measures steps and sizes.
+        prober: knows the sizes of jobs.
         memory: of the device.
         cores: of the processor.
         workers: jobs at once that the user asked for; None leaves the number to us.
@@ -59,15 +60,13 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
     if not agenda.jobs:
         return agenda
     on_cuda = agenda.plan.device == "cuda"
-    if not on_cuda:
-        agenda = replace(agenda, jobs=_together(prober, agenda.jobs, workers or cores))
     problems: dict[str, Warning] = {}
     footprints = [_footprint(prober, job, on_cuda, problems) for job in agenda.jobs]
     jobs: list[Job] = []
     totals: list[int] = []
     split = 0
     for job, footprint in zip(agenda.jobs, footprints, strict=True):
-        # By what the device has, not by what is free: the groups name the checkpoints that the next command looks for.
+        # By what the device has, not by what is free: on a GPU, groups of another size round otherwise.
         groups = fitting_groups(job.seeds, footprint, memory.capacity)
         split += len(groups) > 1
         jobs += [replace(job, seeds=group) for group in groups]
@@ -78,44 +77,17 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
     notes += problems.values()
     if on_cuda:
         jobs = [replace(job, evaluators=min(len(job.seeds), max(1, cores // count))) for job in jobs]
-    elif (spare := cores // count) > 1 and workers is None:
-        jobs = [replace(job, threads=_threads(prober, job, spare)) for job in jobs]
+    elif workers is None:
+        jobs = [replace(job, threads=_threads(len(jobs), cores)) for job in jobs]
     return replace(agenda, jobs=jobs, workers=count, notes=notes)
 
 
-def _together(prober: Prober, jobs: Sequence[Job], workers: int) -> list[Job]:
-    """The seeds of a cell as one job, where a step is mostly overhead and there are cells enough for all workers."""
-    cells = [list(same) for _, same in groupby(jobs, key=lambda job: id(job.cell))]
-    if len(cells) < 2 * workers:
-        return list(jobs)
-    worth: dict[tuple[str, str, int], bool] = {}
-    arranged: list[Job] = []
-    for same in cells:
-        seeds = tuple(seed for job in same for seed in job.seeds)
-        key = (same[0].cell.method.name, same[0].cell.config.model_dump_json(), len(seeds))
-        if key not in worth:
-            worth[key] = len(seeds) > 1 and _gains(prober, same[0], len(seeds))
-        arranged += [replace(same[0], seeds=seeds)] if worth[key] else same
-    return arranged
-
-
-def _gains(prober: Prober, job: Job, seeds: int) -> bool:
-    try:
-        alone, together = (prober.estimate(job.cell, count).training for count in (1, seeds))
-    except UserError:
-        raise
-    except Exception:
-        return False  # the forecast measures the same step and says what failed
-    return together < (1.0 - TOGETHER_GAIN) * seeds * alone
-
-
-def _threads(prober: Prober, job: Job, most: int) -> int:
-    try:
-        return prober.threads(job.cell, most)
-    except UserError:
-        raise
-    except Exception:
-        return 1  # the forecast measures the same step and says what failed
+def _threads(jobs: int, cores: int) -> int:
+    """Threads per job where there are fewer jobs than cores: a power of two, by counting alone."""
+    threads = 1
+    while 2 * threads <= min(MOST_THREADS, cores // min(jobs, cores)):
+        threads *= 2
+    return threads
 
 
 def _footprint(prober: Prober, job: Job, on_cuda: bool, problems: dict[str, Warning]) -> Footprint:

@@ -14,6 +14,7 @@ from lfobench.contract.randomness import Randomness
 from lfobench.engine.program import Program
 from lfobench.engine.state import live_tensors
 from lfobench.registry import load_method
+from lfobench.schedule.packing import MOST_THREADS
 
 STEPS = 3
 HOPPER = Shapes(11, 3)
@@ -44,9 +45,11 @@ def trained(name: str, threads: int) -> dict[str, Tensor]:
 
 
 @pytest.mark.parametrize("name", ["dilo", "smodice", "oril", "bco", "bc"])
-def test_two_threads_compute_what_one_does(name: str) -> None:
+def test_threads_compute_what_one_does(name: str) -> None:
     """Bit for bit: threads share out rows and columns of products and elements of sums, not the terms of a sum."""
-    one, two = trained(name, 1), trained(name, 2)
-    assert one.keys() == two.keys()
-    for entry in one:
-        assert torch.equal(one[entry], two[entry]), entry
+    one = trained(name, 1)
+    for threads in (2, MOST_THREADS):
+        several = trained(name, threads)
+        assert one.keys() == several.keys()
+        for entry in one:
+            assert torch.equal(one[entry], several[entry]), (entry, threads)

@@ -11,6 +11,7 @@ import pytest
 from helpers_engine import POLE_TASK, TINY, smoke_cell
 
 from lfobench.contract.suite import Demonstrator, Environment
+from lfobench.engine.job import Job
 from lfobench.engine.memory import Footprint, Memory
 from lfobench.engine.probe import Estimate, Prober
 from lfobench.errors import UserError
@@ -28,20 +29,12 @@ class FakeProber:
     """Knows what it is told; seconds are one per seed."""
 
     footprints: Mapping[str, Footprint] = field(default_factory=dict)
-    best_threads: int = 1
     error: Exception | None = None
-    asked_for_threads: list[int] = field(default_factory=list)
 
     def footprint(self, cell: Cell) -> Footprint:
         if self.error is not None:
             raise self.error
         return self.footprints.get(cell.method.name, Footprint(0, 0))
-
-    def threads(self, cell: Cell, most: int) -> int:
-        self.asked_for_threads.append(most)
-        if self.error is not None:
-            raise self.error
-        return min(self.best_threads, most)
 
     def estimate(self, cell: Cell, seeds: int, threads: int = 1) -> Estimate:
         if self.error is not None:
@@ -98,7 +91,7 @@ def test_seeds_train_in_groups_where_memory_is_short(available: int, sizes: list
 
 
 def test_groups_do_not_depend_on_what_is_free_at_the_moment(tmp_path: Path) -> None:
-    """They name the checkpoints that an interrupted command left."""
+    """On a GPU, groups of another size round otherwise."""
     prober = FakeProber({"dilo": Footprint(0, GB)})
     for free in (2 * GB, 9 * GB):
         after = packed(agenda(tmp_path, "cuda"), cast(Prober, prober), Memory(9 * GB, free), 16, None)
@@ -142,7 +135,7 @@ def test_lanes_are_the_users_if_named(workers: int, expected: int, tmp_path: Pat
     ("cores", "workers", "evaluators"), [(16, None, 16 // LANES), (16, 1, 16), (16, 4, 4), (7, 2, 3), (1, None, 1)]
 )
 def test_cores_evaluate_beside_a_device(cores: int, workers: int | None, evaluators: int, tmp_path: Path) -> None:
-    prober = FakeProber(best_threads=8)
+    prober = FakeProber()
     after = pack(agenda(tmp_path, "cuda", "dilo,smodice,oril,bco", "0-15"), prober, 80 * GB, cores, workers)
     assert {job.evaluators for job in after.jobs} == {evaluators}
     assert {job.threads for job in after.jobs} == {1}, "threads are for products on a CPU"
@@ -177,27 +170,48 @@ def test_a_process_takes_memory_before_it_has_any_data(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("seeds", "cores", "workers", "asked", "threads"),
+    ("seeds", "cores", "workers", "threads"),
     [
-        ("0", 8, None, [8], 3),
-        ("0-1", 8, None, [4, 4], 3),
-        ("0-2", 8, None, [2, 2, 2], 2),
-        ("0-6", 8, None, [], 1),
-        ("0-6", 4, None, [], 1),
-        ("0", 1, None, [], 1),
-        ("0", 8, 1, [], 1),
-        ("0-1", 8, 2, [], 1),
+        ("0", 8, None, 4),
+        ("0", 3, None, 2),
+        ("0-1", 8, None, 4),
+        ("0-2", 8, None, 2),
+        ("0-6", 8, None, 1),
+        ("0-6", 4, None, 1),
+        ("0", 1, None, 1),
+        ("0", 8, 1, 1),
+        ("0-1", 8, 2, 1),
     ],
 )
 def test_threads_are_for_cores_that_no_job_needs(
-    seeds: str, cores: int, workers: int | None, asked: list[int], threads: int, tmp_path: Path
+    seeds: str, cores: int, workers: int | None, threads: int, tmp_path: Path
 ) -> None:
     """And not for a user who said how many jobs run: the rest of the machine may be somebody else's."""
-    prober = FakeProber(best_threads=3)
-    after = pack(agenda(tmp_path, "cpu", seeds=seeds), prober, None, cores, workers)
-    assert prober.asked_for_threads == asked
+    after = pack(agenda(tmp_path, "cpu", seeds=seeds), FakeProber(), None, cores, workers)
     assert {job.threads for job in after.jobs} == {threads}
     assert after.workers * threads <= cores
+
+
+@pytest.mark.parametrize("device", ["cpu", "cuda"])
+def test_a_plan_asked_for_twice_is_the_same_plan(device: str, tmp_path: Path) -> None:
+    """However fast a step seems to be each time, and whatever memory is free at the moment."""
+
+    @dataclass
+    class Noisy(FakeProber):
+        calls: int = 0
+
+        def estimate(self, cell: Cell, seeds: int, threads: int = 1) -> Estimate:
+            self.calls += 1
+            return Estimate(1000.0 / self.calls**2, 0.0)
+
+    def plan(free: int) -> list[Job]:
+        before = agenda(tmp_path, device, "dilo,smodice,oril,bco", seeds="0-2")
+        return list(packed(before, cast(Prober, Noisy()), Memory(80 * GB, free), 16, None).jobs)
+
+    def arrangement(free: int) -> list[tuple[str, tuple[int, ...], int]]:
+        return [(job.cell.method.name, job.seeds, job.threads) for job in plan(free)]
+
+    assert arrangement(GB) == arrangement(80 * GB)
 
 
 # --- what cannot be measured -----------------------------------------------------------------------------------------
@@ -256,23 +270,3 @@ def test_a_footprint_is_positive_and_grows_with_the_batch(name: str) -> None:
 def test_a_footprint_is_the_same_twice() -> None:
     cell = smoke_cell("dilo")
     assert Prober("cpu").footprint(cell) == Prober("cuda").footprint(cell), "steps are taken on the CPU anyway"
-
-
-@dataclass
-class SmallSteps(FakeProber):
-    """A step costs the same for any number of seeds."""
-
-    def estimate(self, cell: Cell, seeds: int, threads: int = 1) -> Estimate:
-        return Estimate(1.0, 0.0)
-
-
-def test_seeds_whose_steps_are_overhead_train_together(tmp_path: Path) -> None:
-    after = pack(agenda(tmp_path, "cpu", "dilo,smodice,oril,bco"), SmallSteps(), None, cores=2)
-    assert groups(after) == [tuple(range(7))] * 4
-
-
-def test_seeds_stay_apart_where_workers_would_idle_or_nothing_is_gained(tmp_path: Path) -> None:
-    few = pack(agenda(tmp_path, "cpu", "dilo,smodice,oril"), SmallSteps(), None, cores=2)
-    assert groups(few) == [(seed,) for seed in range(7)] * 3, "three programs would not keep two cores busy to the end"
-    large = pack(agenda(tmp_path, "cpu", "dilo,smodice,oril,bco"), FakeProber(), None, cores=2)
-    assert groups(large) == [(seed,) for seed in range(7)] * 4
