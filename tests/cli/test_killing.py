@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers_cli import arguments, environment
+from helpers_cli import PATIENCE, arguments, environment
 from helpers_engine import HOPPER_TASK, finish, make_job, records_of, smoke_cell
 
 from lfobench.engine.job import Job
@@ -114,7 +114,7 @@ def test_twenty_kills_change_nothing(
                 killed += 1
             running.wait()
         if running.returncode == -signal.SIGKILL:
-            patience = time.monotonic() + 30.0
+            patience = time.monotonic() + PATIENCE
             while session(running.pid) and time.monotonic() < patience:
                 time.sleep(0.02)
             assert session(running.pid) == set(), "workers go with their parent"

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from helpers_cli import PATIENCE
 from helpers_engine import HOPPER_TASK, Drifting, FakeConfig, cell_of, smoke_cell
 from test_evaluation import HOPPER, plain_loop, transform
 from torch import Tensor
@@ -101,7 +102,7 @@ def test_evaluations_come_in_order_and_from_the_state_as_it_was(workers: Evaluat
         live_tensors(method)["policy.network"].sub_(1.0)
     live_tensors(method)["policy.network"].zero_()
     assert workers.pending == 3
-    assert workers.ready(timeout=60.0)
+    assert workers.ready(timeout=PATIENCE)
     found = [workers.collect() for _ in range(3)]
     assert [evaluated.step for evaluated in found] == [10, 20, 30]
     assert same(found[0].results, expected[0])
@@ -219,7 +220,7 @@ def test_a_parent_that_forgets_its_workers_or_is_killed_takes_them_along(ending:
             {ending}
     """
     script.write_text(textwrap.dedent(body))
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode in (3, -9), done.stderr
     processes = [int(word) for word in done.stdout.split()]
     assert len(processes) == 2
@@ -227,8 +228,8 @@ def test_a_parent_that_forgets_its_workers_or_is_killed_takes_them_along(ending:
         wait_until_gone(process)
 
 
-def wait_until_gone(process: int, seconds: float = 20.0) -> None:
-    for _ in range(int(seconds / 0.1)):
+def wait_until_gone(process: int) -> None:
+    for _ in range(int(PATIENCE / 0.1)):
         try:
             os.kill(process, 0)
         except ProcessLookupError:

@@ -13,14 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers_cli import PATIENCE
 from helpers_engine import Drifting, Raising, StopAfter, cell_of, make_job, never, records_of, smoke_cell
 
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.executors import lanes, local
 from lfobench.executors.events import CarryOut, Ended, Event
-
-WAIT = 20.0
 
 
 def outcomes(events: Sequence[Event]) -> dict[int, str]:
@@ -44,7 +43,7 @@ def together(jobs: int) -> CarryOut:
     barrier = threading.Barrier(jobs)
 
     def begin(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
-        barrier.wait(WAIT)
+        barrier.wait(PATIENCE)
         yield from carry_out(job, stop)
 
     return begin
@@ -73,7 +72,7 @@ def test_events_of_two_jobs_interleave(tmp_path: Path, shared_cache: Path) -> No
 
     def in_step(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
         for step in range(steps):
-            barrier.wait(WAIT)
+            barrier.wait(PATIENCE)
             yield Advance("walking", step, steps, None)
 
     events = list(lanes.execute(drifting([0, 1], tmp_path, shared_cache), in_step, 2, never))
@@ -172,7 +171,7 @@ def test_lanes_end_with_whoever_listened_to_them(ending: str, tmp_path: Path, sh
         with pytest.raises(KeyboardInterrupt):
             events.throw(KeyboardInterrupt())  # type: ignore[attr-defined]
     for lane in running:
-        lane.join(WAIT)
+        lane.join(PATIENCE)
         assert not lane.is_alive()
     assert sorted(begun) == [(0,), (1,)]
 

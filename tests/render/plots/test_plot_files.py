@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 import matplotlib
 import pytest
+from helpers_cli import PATIENCE
 from helpers_records import make_cell
 from matplotlib.text import Text
 
@@ -130,7 +131,7 @@ assert "matplotlib.pyplot" not in sys.modules
 """
     environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
     environment |= {"MPLBACKEND": "tkagg", "PYTHONPATH": os.pathsep.join(sys.path)}
-    subprocess.run([sys.executable, "-c", program], env=environment, check=True, timeout=60.0)
+    subprocess.run([sys.executable, "-c", program], env=environment, check=True, timeout=PATIENCE)
 
 
 def test_the_file_name_says_the_format() -> None:
