@@ -44,6 +44,8 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         FileNotFoundError: there is no such file.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise DamagedFile("it is not a regular file")
         with safe_open(path, framework="pt") as file:
             sealed = json.loads((file.metadata() or {})[KEY])
             tensors = {name: file.get_tensor(name) for name in file.offset_keys()}

@@ -38,6 +38,9 @@ errors = _Console(stderr=True, highlight=False, emoji=False)
 INTERRUPTED = 130
 """Exit code of what the user stopped."""
 
+LEFT = 3
+"""Exit code of ``--no-wait`` where runs are left to another process."""
+
 _SPELLED = {
     "±": "+-",
     "−": "-",

@@ -39,6 +39,12 @@ Grid = Annotated[
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Jobs at once. Default: what the cores, or the device's memory, hold.")
 ]
+NoWait = Annotated[
+    bool,
+    typer.Option(
+        "--no-wait", help="Do not wait for runs that another process is training; exit code 3 where some are left."
+    ),
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Print the plan and stop.")]
 Source = Annotated[
     str,

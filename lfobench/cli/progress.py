@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, Task, TextColumn, TimeRemainingCo
 from rich.table import Column
 from rich.text import Text
 
-from lfobench.cli.console import INTERRUPTED, duration, errors, one_line
+from lfobench.cli.console import INTERRUPTED, LEFT, duration, errors, one_line
 from lfobench.cli.inputs import warn
 from lfobench.contract.record import Warning, usable
 from lfobench.data.build import ImportJob, ShardJob
@@ -183,11 +183,13 @@ class Terminal(Watcher):
                 yield event
                 shown.tick()
 
+    def waiting(self, runs: int) -> None:
+        """One line."""
+        if not self._quiet:
+            errors.print(f"Waiting for {counted(runs, 'run')} of another process…")
+
     def failed(self, job: Job, ended: Ended, kept: Sequence[Path]) -> None:
         """One line, the user's own lines that it came from, and one for every file that holds a traceback."""
-        if ended.outcome == "busy":
-            errors.print(f"{one_line(', '.join(run.label for run in job.runs))}: skipped, {ended.message}.")
-            return
         errors.print(f"[bold red]Failed:[/] {one_line(f'{job.cell.label}: {ended.message}')}", soft_wrap=True)
         for line in ended.place:
             errors.print(f"        {one_line(line)}", soft_wrap=True)
@@ -200,18 +202,20 @@ def stopping() -> None:
     errors.print("\nStopping: saving where every run stands. Press Ctrl-C again to quit at once.")
 
 
-def carry_out(agenda: Agenda, expected: Forecast, out: Path, quiet: bool) -> int:
+def carry_out(agenda: Agenda, expected: Forecast, out: Path, quiet: bool, wait: bool = True) -> int:
     """Carry an agenda out, shown on the terminal; returns the exit code.
 
     Raises:
         UserError: for data that is damaged, or a folder that cannot be written into.
     """
-    tally = carry_out_agenda(agenda, expected, out, StopRequest(stopping), Terminal(quiet))
+    tally = carry_out_agenda(agenda, expected, out, StopRequest(stopping), Terminal(quiet), wait)
     if tally.stopped:
         errors.print("Stopped. The same command continues from here.")
         return INTERRUPTED
     if tally.failed:
         errors.print(f"[bold red]{tally.failed} failed.[/] The same command tries them again.")
-    elif tally.busy:
-        errors.print(f"{tally.busy} left to the other process that is training them. Run again to see them done.")
-    return 1 if tally.failed or tally.busy else 0
+        return 1
+    if tally.busy:
+        errors.print(f"{counted(tally.busy, 'run')} left to another process, which is training them.")
+        return LEFT
+    return 0

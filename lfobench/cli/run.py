@@ -25,6 +25,7 @@ def run(
     grid: options.Grid = None,
     workers: options.Workers = None,
     out: options.Out = options.DEFAULT_OUT,
+    no_wait: options.NoWait = False,
     dry_run: options.DryRun = False,
     as_json: options.Json = False,
 ) -> None:
@@ -54,7 +55,7 @@ def run(
     if not todo.jobs:
         remove_checkpoints_of_the_finished(todo, out)
         return
-    code = carry_out(todo, expected, out, quiet=as_json)
+    code = carry_out(todo, expected, out, quiet=as_json, wait=not no_wait)
     if code == 0 and not as_json:
         errors.print(f"Done. Next: lfobench table --out {escape(str(out))}", soft_wrap=True)
     raise typer.Exit(code)

@@ -45,6 +45,7 @@ def tune(
     precision: options.Precision = "auto",
     workers: options.Workers = None,
     out: options.Out = options.DEFAULT_OUT,
+    no_wait: options.NoWait = False,
     dry_run: options.DryRun = False,
     as_json: options.Json = False,
 ) -> None:
@@ -77,7 +78,7 @@ def tune(
         print_json(planned.as_json(todo, expected))
     if dry_run:
         return
-    code = carry_out(todo, expected, folder.trials.root, quiet=as_json) if todo.jobs else 0
+    code = carry_out(todo, expected, folder.trials.root, quiet=as_json, wait=not no_wait) if todo.jobs else 0
     remove_leftovers(folder.trials.root)
     choices = _choose(folder, found, starts, plan.seeds)
     if as_json:

@@ -82,17 +82,20 @@ def check_present(root: Path, wanted: Iterable[tuple[str, PartRequest]], rebuild
 
 
 def build_shard(job: ShardJob | ImportJob) -> ShardJob | ImportJob:
-    """Make and store one shard: roll it out, record it, or read it from a file.
+    """Make and store one shard, unless another process has by now: roll it out, record it, or read it from a file.
 
     Raises:
         UserError: when the disk refuses, the suite's simulator or demonstrator fails, or the file cannot be used.
     """
     if isinstance(job, ImportJob):
-        import_file(job.root, job.path, job.part)
+        if not PartCache(job.root, job.part).path(0).exists():
+            import_file(job.root, job.path, job.part)
         return job
     suite = load_suite(job.suite)
     task = next(task for task in suite.tasks if task.name == job.task)
     part = specification(suite, task, job.level, job.episodes)
+    if PartCache(job.root, part).path(job.shard).exists():
+        return job
     try:
         assert suite.demonstrator is not None, "parts are specified before they are built"
         maker = suite.demonstrator(task.environment.name, job.level)

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
@@ -23,14 +24,16 @@ from lfobench.engine.job import Job, carry_out
 from lfobench.engine.method_check import require_sound
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
-from lfobench.files import remove_leftovers, writable_folder
-from lfobench.plan.cells import Cell
+from lfobench.files import Held, locked, remove_leftovers, writable_folder
+from lfobench.plan.cells import Cell, Run
 from lfobench.plan.parts import build_command
 from lfobench.plan.sources import check_here, spelled
 from lfobench.schedule.agenda import Agenda, Forecast
 from lfobench.source_code import ships
 from lfobench.store.failures import write_failure
 from lfobench.store.folder import RecordFolder
+
+WAIT_SECONDS = 1.0
 
 
 @dataclass
@@ -39,18 +42,13 @@ class Tally:
 
     Attributes:
         failed: jobs that crashed.
-        busy: jobs that another process is at.
+        busy: runs that were left to another process.
         stopped: whether a stop was asked for before everything was done.
     """
 
     failed: int = 0
     busy: int = 0
     stopped: bool = False
-
-    def count(self, ended: Ended) -> None:
-        """Add one ended job."""
-        self.failed += ended.outcome == "failed"
-        self.busy += ended.outcome == "busy"
 
 
 class Watcher:
@@ -73,8 +71,11 @@ class Watcher:
         """Every event of the agenda's jobs as it comes."""
         return events
 
+    def waiting(self, runs: int) -> None:
+        """So many runs of another process are waited for; called whenever their number changes."""
+
     def failed(self, job: Job, ended: Ended, kept: Sequence[Path]) -> None:
-        """A job did not end with its records; what is known of it is kept in files."""
+        """A job crashed; what is known of it is kept in files."""
 
 
 class StopRequest:
@@ -123,11 +124,21 @@ class StopRequest:
         self._announce()
 
 
-def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, watcher: Watcher) -> Tally:
+def carry_out_agenda(
+    agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, watcher: Watcher, wait: bool = True
+) -> Tally:
     """Build the missing data, train the pending runs.
 
+    Args:
+        agenda: what is left to do.
+        expected: how long it takes.
+        out: the output folder.
+        stop: says when to save and end.
+        watcher: sees everything.
+        wait: for runs that another process is training, and train them where it ends without their records.
+
     Raises:
-        UserError: for data that is damaged, or a folder that cannot be written into.
+        UserError: for data that is damaged, or a folder that cannot be written into or has no file locks.
     """
     plan = agenda.plan
     check_here(plan.tasks, plan.cells[0].suite, plan.cells[0].source)
@@ -142,15 +153,21 @@ def carry_out_agenda(agenda: Agenda, expected: Forecast, out: Path, stop: StopRe
         check_present(agenda.cache, agenda.requests, rebuild)
     if agenda.shards:
         writable_folder(agenda.cache, "LFOBENCH_CACHE")
-    writable_folder(out, "--out")
+    folder = RecordFolder(out)
+    writable_folder(folder.checkpoints, "--out")
+    with suppress(Held), locked(folder.checkpoints / "any.lock", "--out"):
+        pass  # a file system without locks is named before anything trains
     tally = Tally()
     with stop.listening():
         build_data(agenda.shards, agenda.builders, stop, watcher)
-        RecordFolder(out).remove_leftovers()
+        folder.remove_leftovers()
         if not stop():
             _look_at_data(agenda, rebuild, stop, watcher)
         if not stop():
-            _train(agenda, expected, out, stop, watcher, tally)
+            busy = _train(agenda, expected, folder, stop, watcher, tally)
+            if wait:
+                busy = _follow(agenda, expected, busy, folder, stop, watcher, tally)
+            tally.busy = sum(len(job.seeds) for job in _unfinished(busy, folder))
     tally.stopped = stop()
     if not (tally.stopped or tally.failed or tally.busy):
         remove_checkpoints_of_the_finished(agenda, out)
@@ -214,15 +231,74 @@ def build_data(
 
 
 def _train(
-    agenda: Agenda, expected: Forecast, out: Path, stop: Callable[[], bool], watcher: Watcher, tally: Tally
-) -> None:
-    work = agenda.jobs
+    agenda: Agenda,
+    expected: Forecast,
+    folder: RecordFolder,
+    stop: Callable[[], bool],
+    watcher: Watcher,
+    tally: Tally,
+) -> list[Job]:
+    """Carry out the agenda's jobs; returns those of which another process has runs."""
+    work, busy = agenda.jobs, []
     for event in watcher.training(agenda, expected, _events(work, agenda.workers, stop)):
         job, what = work[event.index], event.what
-        if isinstance(what, Ended):
-            tally.count(what)
-            if what.outcome in ("busy", "failed"):
-                watcher.failed(job, what, _kept(RecordFolder(out), job, what))
+        if isinstance(what, Ended) and what.outcome == "failed":
+            tally.failed += 1
+            watcher.failed(job, what, _kept(folder, job, what))
+        elif isinstance(what, Ended) and what.outcome == "busy":
+            busy.append(job)
+    return busy
+
+
+def _follow(
+    agenda: Agenda,
+    expected: Forecast,
+    busy: Sequence[Job],
+    folder: RecordFolder,
+    stop: Callable[[], bool],
+    watcher: Watcher,
+    tally: Tally,
+) -> list[Job]:
+    """Wait for the runs of other processes, and train those that they let go without a record.
+
+    Returns what a stop leaves of them.
+    """
+    told = 0
+    while (waiting := _unfinished(busy, folder)) and not stop():
+        if (runs := sum(len(job.seeds) for job in waiting)) != told:
+            watcher.waiting(told := runs)
+        parts = [(job, [seed for seed in job.seeds if _free(folder, Run(job.cell, seed))]) for job in waiting]
+        # Looked for once more: a run that is free may have been finished a moment ago.
+        released = _unfinished([replace(job, seeds=tuple(free)) for job, free in parts if free], folder)
+        if not released:
+            busy = waiting
+            time.sleep(WAIT_SECONDS)
+            continue
+        held = [
+            replace(job, seeds=tuple(seed for seed in job.seeds if seed not in free))
+            for job, free in parts
+            if len(free) < len(job.seeds)
+        ]
+        taken = {run.identity_hash for job in released for run in job.runs}
+        rest = replace(agenda, jobs=released, done=[run for run in agenda.plan.runs if run.identity_hash not in taken])
+        shares = replace(expected, job_seconds=[1.0 for _ in released])
+        busy = [*held, *_train(rest, shares, folder, stop, watcher, tally)]
+    return list(waiting)
+
+
+def _unfinished(jobs: Sequence[Job], folder: RecordFolder) -> list[Job]:
+    """What of the jobs has left no record."""
+    parts = [(job, tuple(run.seed for run in job.runs if folder.find(run) is None)) for job in jobs]
+    return [replace(job, seeds=seeds) for job, seeds in parts if seeds]
+
+
+def _free(folder: RecordFolder, run: Run) -> bool:
+    """Whether no process is training a run."""
+    try:
+        with locked(folder.lock(run), "--out"):
+            return True
+    except Held:
+        return False
 
 
 def _events(work: Sequence[Job], workers: int, stop: Callable[[], bool]) -> Iterator[Event]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from helpers_cli import PATIENCE, arguments, environment
-from helpers_engine import HOPPER_TASK, finish, make_job, records_of, smoke_cell
+from helpers_engine import HOPPER_TASK, Drifting, cell_of, finish, make_job, records_of, smoke_cell
 
 from lfobench.engine.job import Job
 from lfobench.store.folder import RecordFolder
@@ -126,7 +126,79 @@ def test_twenty_kills_change_nothing(
         if killed == kills:
             break
         shutil.rmtree(out)
-    kept = {"records": ".json", "policies": ".safetensors", "checkpoints": ".lock"}
+    kept = {"records": ".json", "policies": ".safetensors"}
     files = [path for path in out.rglob("*") if path.is_file()]
     left = [path for path in files if kept.get(path.relative_to(out).parts[0]) != path.suffix]
-    assert left == [], "neither checkpoints nor halves of files"
+    assert left == [], "neither checkpoints nor locks nor halves of files"
+
+
+# --- what a kill costs -----------------------------------------------------------------------------------------------
+
+# Of `Drifting`: the warm-up has 7 steps and no evaluation, and every 10 steps of the rest end with a checkpoint.
+LENGTH, INTERVAL = 47, 17
+DRIFTING_SEEDS = range(6)
+
+
+def grouped(choice: random.Random) -> list[tuple[int, ...]]:
+    """The seeds in random groups, as other memory, other cells or other workers arrange them."""
+    seeds = list(DRIFTING_SEEDS)
+    choice.shuffle(seeds)
+    groups: list[tuple[int, ...]] = []
+    while seeds:
+        size = choice.randint(1, len(seeds))
+        groups.append(tuple(seeds[:size]))
+        del seeds[:size]
+    return groups
+
+
+def sitting(out: Path, cache: Path, groups: list[tuple[int, ...]], updates: int, steps: Path) -> int:
+    """Train in a process that kills itself after so many updates, counting every seed's steps; how it ended."""
+    process = os.fork()
+    if process:
+        return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    try:
+        genuine, left = Drifting.update, updates
+
+        def counted(self: Drifting, *arguments: Any) -> Any:
+            nonlocal left
+            if left == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            left -= 1
+            with steps.open("ab", buffering=0) as file:
+                file.write(b"." * len(self.seeds))
+            return genuine(self, *arguments)
+
+        Drifting.update = counted  # type: ignore[method-assign]
+        for seeds in groups:
+            finish(Job(cell_of(Drifting), seeds, out, cache, "cpu"))
+        os._exit(0)
+    finally:
+        os._exit(1)
+
+
+def test_a_hundred_kills_cost_no_more_than_their_intervals(tmp_path: Path, shared_cache: Path) -> None:
+    """However the seeds are grouped each time: a run's checkpoint is its own."""
+    choice = random.Random(14)
+    steps, out = tmp_path / "steps", tmp_path / "out"
+    steps.touch()
+    straight = make_job(cell_of(Drifting), list(DRIFTING_SEEDS), tmp_path / "straight", shared_cache)
+    finish(straight)
+    whole, kills, most = len(DRIFTING_SEEDS) * LENGTH, 0, 0
+    while kills < 100:
+        groups = grouped(choice)
+        # As many updates as it may take, so that kills fall anywhere, and every run comes to its end now and then.
+        ended = sitting(out, shared_cache, groups, choice.randrange(1, 40), steps)
+        assert ended in (0, -signal.SIGKILL)
+        # Of the seeds that trained together when it was killed, each has lost an interval at most.
+        kills += ended != 0
+        most += INTERVAL * max(map(len, groups)) if ended else 0
+        assert len(steps.read_bytes()) <= whole + most
+        if ended == 0:
+            assert records_measured(out, shared_cache) == [record.measured() for record in records_of(straight)]
+            whole += len(DRIFTING_SEEDS) * LENGTH
+            shutil.rmtree(out)
+
+
+def records_measured(out: Path, cache: Path) -> list[dict[str, Any]]:
+    job = Job(cell_of(Drifting), tuple(DRIFTING_SEEDS), out, cache, "cpu")
+    return [record.measured() for record in records_of(job)]

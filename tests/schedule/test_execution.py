@@ -1,13 +1,28 @@
-"""Stops: who asks for one, how often, and what it ends."""
+"""Stops, and commands that share a folder: who does what, who waits, and what ends the waiting."""
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
 
 import pytest
+from helpers_engine import POLE_TASK, TINY, finish, make_job
 
-from lfobench.schedule.execution import StopRequest
+from lfobench.errors import UserError
+from lfobench.executors.events import Event
+from lfobench.files import locked
+from lfobench.plan.cells import Run
+from lfobench.plan.planning import Request, make_plan
+from lfobench.schedule import execution
+from lfobench.schedule.agenda import Agenda, Forecast, make_agenda
+from lfobench.schedule.execution import StopRequest, Tally, Watcher, carry_out_agenda
+from lfobench.store.folder import RecordFolder, RecordsRead
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -43,3 +58,107 @@ def test_nohup_is_obeyed() -> None:
             assert not stop()
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+# --- commands that share a folder ------------------------------------------------------------------------------------
+
+
+class Witness(Watcher):
+    """Remembers how many runs were waited for, and does something when they are; counts the jobs that trained."""
+
+    def __init__(self, then: Callable[[], None] = lambda: None) -> None:
+        self.waited: list[int] = []
+        self.trained: list[tuple[int, ...]] = []
+        self._then = then
+
+    def waiting(self, runs: int) -> None:
+        self.waited.append(runs)
+        self._then()
+
+    def training(self, agenda: Agenda, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
+        assert len(expected.job_seconds) == len(agenda.jobs)
+        self.trained += [job.seeds for job in agenda.jobs]
+        return events
+
+
+@pytest.fixture
+def agenda(tmp_path: Path, shared_cache: Path) -> Agenda:
+    """Three seeds of one cell; their data is there."""
+    plan = make_plan(Request("bc", TINY, POLE_TASK, seeds="0-2", protocol="smoke", device="cpu"), lambda: False)
+    make_job(plan.cells[0], [0], tmp_path, shared_cache)
+    return make_agenda(plan, RecordsRead(), tmp_path / "out", shared_cache, 1)
+
+
+@pytest.fixture
+def other(agenda: Agenda) -> Iterator[ExitStack]:
+    """Another process, which is training seed 1."""
+    folder = RecordFolder(agenda.jobs[0].out)
+    folder.checkpoints.mkdir(parents=True)
+    with ExitStack() as held:
+        held.enter_context(locked(folder.lock(agenda.jobs[1].runs[0]), "--out"))
+        yield held
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(execution, "WAIT_SECONDS", 0.01)
+
+
+def carry_out(agenda: Agenda, watcher: Watcher, stop: StopRequest | None = None, wait: bool = True) -> Tally:
+    expected = Forecast([1.0] * len(agenda.jobs), 1.0, ())
+    return carry_out_agenda(agenda, expected, agenda.jobs[0].out, stop or StopRequest(), watcher, wait)
+
+
+def done(agenda: Agenda) -> list[int]:
+    folder = RecordFolder(agenda.jobs[0].out)
+    return [seed for seed in agenda.plan.seeds if folder.find(Run(agenda.plan.cells[0], seed))]
+
+
+def test_what_another_process_trains_is_waited_for(agenda: Agenda, other: ExitStack) -> None:
+    def finishes() -> None:
+        other.close()
+        finish(agenda.jobs[1])
+
+    witness = Witness(finishes)
+    assert carry_out(agenda, witness) == Tally()
+    assert done(agenda) == [0, 1, 2]
+    assert witness.waited == [1]
+    assert witness.trained == [(0,), (1,), (2,)], "of which the second was left to the other"
+
+
+def test_what_a_dead_process_leaves_is_taken_over(agenda: Agenda, other: ExitStack) -> None:
+    """The system lets go of its lock; there is no record."""
+    witness = Witness(other.close)
+    assert carry_out(agenda, witness) == Tally()
+    assert done(agenda) == [0, 1, 2]
+    assert witness.trained[3:] == [(1,)]
+
+
+def test_a_stop_ends_the_wait(agenda: Agenda, other: ExitStack) -> None:
+    stop = StopRequest()
+
+    def asked() -> None:
+        stop.asked = True
+
+    assert carry_out(agenda, Witness(asked), stop) == Tally(busy=1, stopped=True)
+    assert done(agenda) == [0, 2]
+
+
+def test_no_wait_leaves_them_and_says_so(agenda: Agenda, other: ExitStack) -> None:
+    witness = Witness()
+    assert carry_out(agenda, witness, wait=False) == Tally(busy=1)
+    assert witness.waited == []
+    assert done(agenda) == [0, 2]
+
+
+def test_a_file_system_without_locks_is_named_before_anything_trains(
+    agenda: Agenda, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    witness = Witness()
+    with pytest.raises(UserError, match=r"has no file locks .*--out"):
+        carry_out(agenda, witness)
+    assert witness.trained == []
