@@ -88,10 +88,6 @@ def test_other_spellings_of_the_same_table_are_read(tmp_path: Path, text: str) -
     )
 
 
-def test_a_file_without_end_is_refused() -> None:
-    assert "larger than" in refusal("/dev/zero")
-
-
 def test_an_unknown_name_offers_the_closest_and_a_file() -> None:
     assert "Did you mean 'dilo-2024'?" in refusal("dilo-2023")
     assert "method, mean, std" in refusal("zzz")
