@@ -9,7 +9,7 @@ from typing import Any
 from lfobench.contract.files import DataFile
 from lfobench.contract.record import content_hash
 
-READERS = 1
+READERS = 2
 """Grows whenever a reader makes other episodes of the same file."""
 
 MOST_OF_A_NAME = 100
