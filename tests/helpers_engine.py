@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import torch
-from filelock import FileLock
 from pydantic import Field as ConfigField
 from torch import Tensor
 
@@ -28,6 +27,7 @@ from lfobench.contract.record import Record
 from lfobench.data.build import build, missing_shards
 from lfobench.engine.job import Advance, Job, Recorded, carry_out
 from lfobench.engine.sampling import StageSampler
+from lfobench.files import locked
 from lfobench.plan.cells import Cell
 from lfobench.plan.parts import requests
 from lfobench.plan.planning import Request, make_plan
@@ -72,7 +72,7 @@ def cell_of(method: type[Method], protocol: Protocol = SMOKE, **fields: Any) -> 
 def provide_data(cell: Cell, cache: Path) -> None:
     """Build what the cell reads, once, also when several processes ask."""
     cache.mkdir(parents=True, exist_ok=True)
-    with FileLock(cache / "tests.lock"):
+    with locked(cache / "tests.lock", "--out", wait=True):
         wanted = requests(load_suite(cell.suite), cell.task, cell.recipe)
         shards = missing_shards(cache, cell.suite, [(cell.task.name, request) for request in wanted])
         for _ in build(shards, workers=1):

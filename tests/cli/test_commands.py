@@ -14,7 +14,6 @@ from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 import pytest
-from filelock import FileLock
 from helpers_cli import InProcess, assert_refused
 from helpers_engine import HOPPER_TASK, TINY, smoke_cell
 from helpers_folders import with_provenance, write_crash, write_records
@@ -27,6 +26,7 @@ from lfobench import registry
 from lfobench.cli import app, progress
 from lfobench.contract.method import MethodConfig
 from lfobench.contract.record import content_hash
+from lfobench.files import locked
 from lfobench.plan.cells import Run
 from lfobench.plan.protocol import PROTOCOLS
 from lfobench.registry import load_method, load_suite, method_names
@@ -42,7 +42,7 @@ TINY_SMOKE = ("--suite", TINY, "--tasks", "pole-random-expert", "--protocol", "s
 def compared(shared_cache: Path, lfobench_command: InProcess) -> Path:
     """The records of the comparison, made by the first test that asks; read-only."""
     records = shared_cache.parent / "compared"
-    with FileLock(shared_cache.parent / "compared.lock"):
+    with locked(shared_cache.parent / "compared.lock", "--out", wait=True):
         if not records.exists():
             making = shared_cache.parent / "compared-in-the-making"
             outcome = lfobench_command("run", *SMOKE, "--workers", "1", "--out", making)
@@ -63,6 +63,21 @@ def test_run_leaves_a_record_and_a_policy_per_run_and_nothing_else(compared: Pat
     assert all(record.status == "finished" for record in read.records)
     kinds = {(path.relative_to(compared).parts[0], path.suffix) for path in compared.rglob("*") if path.is_file()}
     assert kinds == {("records", ".json"), ("policies", ".safetensors")}
+
+
+def test_no_wait_leaves_runs_to_whoever_trains_them(
+    tmp_path: Path, shared_cache: Path, lfobench_command: InProcess
+) -> None:
+    folder, run = RecordFolder(tmp_path), Run(smoke_cell("bc"), 1)
+    folder.checkpoints.mkdir()
+    command = ("run", "--methods", "bc", *TINY_SMOKE[:-1], "0-1", "--workers", "1", "--out", tmp_path, "--no-wait")
+    with locked(folder.lock(run), "--out"):
+        outcome = lfobench_command(*command)
+    assert outcome.code == 3
+    assert "1 run left to another process" in outcome.err
+    assert "Done" not in outcome.err
+    assert [record.seed for record in folder.read_all().records] == [0]
+    assert lfobench_command(*command).code == 0
 
 
 def test_the_same_command_does_nothing_again(compared: Path, lfobench_command: InProcess) -> None:

@@ -234,3 +234,46 @@ def test_an_interrupted_build_stops_and_leaves_whole_shards(workers: int, tmp_pa
     assert "Traceback" not in stopped.stderr
     assert len(shards()) < 20, "the rest of the 41 shards is left for the next command"
     assert list(cache.rglob(f"*{TEMPORARY_SUFFIX}")) == []
+
+
+# --- two commands at once --------------------------------------------------------------------------------------------
+
+
+def at_once(command: Sequence[str], cache: Path) -> list[Outcome]:
+    """The same command twice, side by side."""
+    running = [
+        subprocess.Popen(
+            command,
+            env=environment({"LFOBENCH_CACHE": str(cache)}),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(2)
+    ]
+    ended = [each.communicate(timeout=PATIENCE) for each in running]
+    return [Outcome(each.returncode, out, err) for each, (out, err) in zip(running, ended, strict=True)]
+
+
+def test_two_commands_on_one_folder_train_nothing_twice(tmp_path: Path, shared_cache: Path) -> None:
+    """Both end when everything is there; each run is reported by whoever trained it."""
+    out, seeds = tmp_path / "runs", range(6)
+    make_job(smoke_cell("bc"), [0], out, shared_cache)
+    command = arguments("run", "--methods", "bc", "--suite", TINY, *TASK, "--seeds", "0-5", "--workers", 1)
+    outcomes = at_once([*command, "--out", str(out)], shared_cache)
+    assert [outcome.code for outcome in outcomes] == [0, 0], outcomes
+    said = "".join(outcome.err for outcome in outcomes)
+    assert [said.count(f"seed {seed}: score") for seed in seeds] == [1] * len(seeds), said
+    read = RecordFolder(out).read_all()
+    assert sorted(record.seed for record in read.records) == list(seeds)
+    assert read.warnings == []
+    assert list((out / "checkpoints").iterdir()) == []
+
+
+def test_two_commands_may_build_the_same_data(tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    command = arguments("data", "build", TINY, *TASK, "--workers", 2)
+    outcomes = at_once(command, cache)
+    assert [outcome.code for outcome in outcomes] == [0, 0], outcomes
+    assert list(cache.rglob(f"*{TEMPORARY_SUFFIX}")) == []
+    assert process(command, env={"LFOBENCH_CACHE": str(cache)}).out.startswith("Nothing to build")

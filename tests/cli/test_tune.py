@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from filelock import FileLock
 from helpers_cli import InProcess, assert_refused
 from helpers_engine import StopAfter
 
@@ -17,6 +16,7 @@ from lfobench.cli.console import INTERRUPTED
 from lfobench.contract.record import Record
 from lfobench.contract.suite import Task
 from lfobench.engine import evaluation
+from lfobench.files import locked
 from lfobench.registry import load_suite, suite_names
 from lfobench.schedule import execution
 from lfobench.store.folder import RecordFolder, read_record
@@ -39,7 +39,7 @@ def hasty_probe(monkeypatch: pytest.MonkeyPatch) -> None:
 def tuned(shared_cache: Path, lfobench_command: InProcess) -> Path:
     """An output folder in which everything is tuned, made by the first test that asks; read-only."""
     made = shared_cache.parent / "tuned"
-    with FileLock(shared_cache.parent / "tuned.lock"):
+    with locked(shared_cache.parent / "tuned.lock", "--out", wait=True):
         if not made.exists():
             making = shared_cache.parent / "tuned-in-the-making"
             outcome = lfobench_command(*TUNE, "--out", making)

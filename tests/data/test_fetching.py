@@ -10,6 +10,7 @@ from types import ModuleType
 import pytest
 from helpers_files import make_episodes, write_minari
 
+from lfobench.data import fetching
 from lfobench.data.fetching import Wanted, bring, wanted_files
 from lfobench.data.library import Library
 from lfobench.errors import UserError
@@ -75,3 +76,20 @@ def test_a_missing_package_says_how_it_is_installed(
     monkeypatch.setitem(sys.modules, "minari", None)
     with pytest.raises(UserError, match=r"pip install 'lfobench\[minari\]'"):
         bring(Library(tmp_path / "cache"), wanted, lambda here, total: None)
+
+
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        (b"\x89HDF\r\n\x1a\n\0", ""),
+        (b"PK\x03\x04\x14", ""),
+        (b"\n <!DOCTYPE html><title>Log in", "a web page"),
+        (b'{"error": "quota"}', "JSON"),
+        (b"version https://git-lfs.github.com/spec/v1", "Git LFS pointer"),
+        (bytes(512), "neither an HDF5 file"),
+    ],
+)
+def test_first_bytes_that_are_no_data_are_named(start: bytes, said: str) -> None:
+    problem = fetching._not_data(start)
+    assert said in problem
+    assert bool(said) == bool(problem)

@@ -36,12 +36,12 @@ def check_start(path: Path) -> None:
 
 
 def check_first_bytes(start: bytes) -> None:
-    """Refuses the first bytes of what is no HDF5 file.
+    """Refuses the first bytes of what is neither an HDF5 file nor an NPZ archive.
 
     Raises:
         FileProblem: as `check_start` does.
     """
-    if start.startswith(SIGNATURE):
+    if start.startswith((SIGNATURE, ARCHIVE)):
         return
     if not start:
         raise FileProblem("it is empty", AGAIN)
