@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record, Warning
-from lfobench.contract.statistic import Statistic, parse_statistic
+from lfobench.contract.statistic import Statistic
 from lfobench.errors import UserError, unknown_name
 from lfobench.files import write_text
 from lfobench.plan.names import split_names
@@ -29,9 +29,9 @@ from lfobench.render.beside import beside
 from lfobench.render.building import build_table
 from lfobench.render.formats import export
 from lfobench.render.outcomes import OutcomeTable, outcome_table
-from lfobench.render.rules import make_rule, table_rule
+from lfobench.render.rules import knobs
 from lfobench.render.table import Table
-from lfobench.stats.highlight import DEFAULT_RULE, Rule
+from lfobench.stats.highlight import Rule
 from lfobench.store.failures import read_failures
 from lfobench.store.folder import RecordFolder, select
 from lfobench.store.frame import load
@@ -47,14 +47,13 @@ __all__ = [
     "Filters",
     "Selection",
     "export",
+    "knobs",
     "load",
-    "make_rule",
     "outcomes",
     "plot",
     "report",
     "select_records",
     "table",
-    "table_rule",
 ]
 
 COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
@@ -146,7 +145,7 @@ def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:
 def table(
     out: str | Path,
     *,
-    statistic: str = "last5",
+    statistic: str | None = None,
     test: str | None = None,
     scope: str = "group",
     correction: str = "none",
@@ -158,8 +157,8 @@ def table(
 ) -> Table:
     """The table of a folder of records, as ``lfobench table`` prints it; a notebook shows it as HTML.
 
-    Without a `test` it shows success counts, compared by Fisher's test, where every record says how its episodes ended,
-    and else scores, compared by Welch's.
+    Without a `statistic` and a `test` it shows success counts, compared by Fisher's test, where every record says how
+    its episodes ended, and else scores, compared by Welch's. So do a report and the figures (see `knobs`).
 
     `against` names a publication, whose numbers then stand beside ours, each with the verdict of an equivalence test
     within `margin` points, or of Fisher's test of counts; `anyway` shows them although the source or the protocol is
@@ -168,9 +167,8 @@ def table(
     Raises:
         UserError: as the command line says it.
     """
-    counted = parse_statistic(statistic)
     selection = _selected(out, **filters)
-    built = selection.table(counted, table_rule(selection.records, test, scope, correction, alpha))
+    built = selection.table(*knobs(selection.records, statistic, test, scope, correction, alpha))
     return built if against is None else hold_against(built, against, margin, anyway)
 
 
@@ -193,7 +191,7 @@ def hold_against(table: Table, publication: str, margin: float, anyway: bool) ->
 
 
 def plot(
-    kind: str, out: str | Path, *, statistic: str = "last5", width: str = "column", **filters: Unpack[Filters]
+    kind: str, out: str | Path, *, statistic: str | None = None, width: str = "column", **filters: Unpack[Filters]
 ) -> PaperFigure:
     """A figure of a folder of records, as ``lfobench plot`` draws it; its ``caption`` says what it shows.
 
@@ -204,17 +202,16 @@ def plot(
     from lfobench.render.plots.kinds import check_kind, draw
 
     check_kind(kind)
-    counted = parse_statistic(statistic)
     selection = _selected(out, **filters)
-    return draw(kind, selection.table(counted, DEFAULT_RULE), selection.records, width, COLUMN_ORDER)
+    return draw(kind, selection.table(*knobs(selection.records, statistic)), selection.records, width, COLUMN_ORDER)
 
 
 def report(
     out: str | Path,
     to: str | Path | None = None,
     *,
-    statistic: str = "last5",
-    test: str = "welch",
+    statistic: str | None = None,
+    test: str | None = None,
     scope: str = "group",
     correction: str = "none",
     alpha: float = 0.05,
@@ -228,10 +225,9 @@ def report(
     # Imported here because it loads matplotlib's colours and nothing else needs it.
     from lfobench.render.report.page import report as report_page
 
-    rule = make_rule(test, scope, correction, alpha)
-    counted = parse_statistic(statistic)
     chosen = _selected(out, **filters)
-    page = report_page(chosen.records, chosen.failures, chosen.warnings, counted, rule, chosen.tasks, chosen.methods)
+    scored, rule = knobs(chosen.records, statistic, test, scope, correction, alpha)
+    page = report_page(chosen.records, chosen.failures, chosen.warnings, scored, rule, chosen.tasks, chosen.methods)
     if to is not None:
         write_text(Path(to), page)
     return page

@@ -13,8 +13,7 @@ from lfobench.cli.console import output
 from lfobench.cli.inputs import warn
 
 if TYPE_CHECKING:
-    from lfobench.contract.statistic import Statistic
-    from lfobench.render.pairing import Pairing
+    from lfobench.api import Selection
 
 Correction = Annotated[
     str,
@@ -33,14 +32,8 @@ def compare(
         list[str] | None,
         typer.Option(help="Condition in which two folders may differ, e.g. simulator or protocol.steps; repeatable."),
     ] = None,
-    statistic: selection.StatisticName = "last5",
-    test: Annotated[
-        str,
-        typer.Option(
-            help="welch, student, mann-whitney, permutation (over seeds); paired-t, wilcoxon, paired-permutation "
-            "(over common start states)."
-        ),
-    ] = "welch",
+    statistic: selection.StatisticName = None,
+    test: selection.TestName = None,
     correction: Correction = "holm",
     alpha: selection.Alpha = 0.05,
     suite: selection.SuiteFilter = None,
@@ -62,20 +55,37 @@ def compare(
 
     Example: lfobench compare runs-before runs-after --json
     """
-    from lfobench.contract.statistic import parse_statistic
+    from lfobench.errors import UserError
     from lfobench.render.contrast import compare as judge
     from lfobench.render.contrast import warnings_of
     from lfobench.render.json_contrast import json_contrast
+    from lfobench.render.pairing import pair_folders, pair_methods
+    from lfobench.render.rules import knobs
+    from lfobench.render.sides import Side
     from lfobench.render.terminal_contrast import terminal
 
-    rule = selection.make_rule(test, "all", correction, alpha)
-    counted = parse_statistic(statistic)
     filters = (suite, protocol, steps, source, preset)
-    if _are_folders(first, second):
-        pairing = _folders(first, second, filters, counted, allow or [])
+    folders = _are_folders(first, second)
+    if allow and not folders:
+        raise UserError(
+            "--allow is for two folders: methods of one folder are compared under the same conditions.",
+            "Leave it out, or put their records into two folders.",
+        )
+    selected = [_selected(Path(name), filters) for name in ((first, second) if folders else (out,))]
+    scored, rule = knobs(
+        [each for found in selected for each in found.records], statistic, test, "all", correction, alpha
+    )
+    if folders:
+        reference, subject = (
+            Side(name, heading, found.records, found.failures)
+            for name, heading, found in zip((first, second), "AB", selected, strict=True)
+        )
+        tasks = list(dict.fromkeys(task for found in selected for task in found.tasks))
+        pairing = pair_folders(reference, subject, scored, tasks, allow or [], rule)
     else:
-        pairing = _methods(first, second, out, filters, counted, allow or [])
-    compared = judge(pairing, rule, counted)
+        (found,) = selected
+        pairing = pair_methods(found.records, found.failures, first, second, scored, found.tasks, rule)
+    compared = judge(pairing, rule, scored)
     warn(warnings_of(compared))
     if as_json:
         output.out(json_contrast(compared), end="", highlight=False)
@@ -112,32 +122,11 @@ def _is_folder(name: str) -> bool:
         return False
 
 
-def _methods(first: str, second: str, out: Path, filters: _Filters, statistic: Statistic, allow: list[str]) -> Pairing:
+def _selected(out: Path, filters: _Filters) -> Selection:
+    """The records of a folder, of which there must be some."""
     from lfobench.errors import UserError
-    from lfobench.render.pairing import pair_methods
 
-    if allow:
-        raise UserError(
-            "--allow is for two folders: methods of one folder are compared under the same conditions.",
-            "Leave it out, or put their records into two folders.",
-        )
-    chosen = selection.select_records(out, *filters)
-    if not chosen.records:
-        raise UserError(f"{out} holds no records.", "Run 'lfobench run' first, or name another folder with --out.")
-    return pair_methods(chosen.records, chosen.failures, first, second, statistic, chosen.tasks)
-
-
-def _folders(first: str, second: str, filters: _Filters, statistic: Statistic, allow: list[str]) -> Pairing:
-    from lfobench.errors import UserError
-    from lfobench.render.pairing import pair_folders
-    from lfobench.render.sides import Side
-
-    sides, tasks = [], dict[str, None]()
-    for name, heading in ((first, "A"), (second, "B")):
-        chosen = selection.select_records(Path(name), *filters)
-        if not chosen.records:
-            raise UserError(f"{name} holds no records.", "Name a folder that 'lfobench run' has written.")
-        sides.append(Side(name, heading, chosen.records, chosen.failures))
-        tasks |= dict.fromkeys(chosen.tasks)
-    reference, subject = sides
-    return pair_folders(reference, subject, statistic, list(tasks), allow)
+    found = selection.select_records(out, *filters)
+    if not found.records:
+        raise UserError(f"{out} holds no records.", "Run 'lfobench run' first, or name another folder.")
+    return found

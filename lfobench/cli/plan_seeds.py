@@ -20,9 +20,10 @@ def plan(
         typer.Option(help="Comma-separated methods to choose the best two from, per task. Default: --scope."),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Jobs at once, as fast as the pilot's.")] = 1,
-    statistic: selection.StatisticName = "last5",
+    statistic: selection.StatisticName = None,
     test: Annotated[
-        str, typer.Option(help="As in 'lfobench table'; numbers of seeds are Welch's whatever it is.")
+        str,
+        typer.Option(help="As in 'lfobench table', but not fisher; numbers of seeds are Welch's whatever it is."),
     ] = "welch",
     scope: selection.ScopeName = "group",
     correction: Annotated[str, typer.Option(help="For the number of tasks: none, holm or bh.")] = "holm",
@@ -38,21 +39,20 @@ def plan(
 
     Example: lfobench plan --out runs --effect 10 --seeds 5 --methods dilo,smodice
     """
-    from lfobench.contract.statistic import parse_statistic
     from lfobench.errors import UserError
     from lfobench.render.json_planning import json_planning
     from lfobench.render.pilot import read_pilot
     from lfobench.render.planning import plan_seeds
+    from lfobench.render.rules import knobs
     from lfobench.render.terminal_planning import terminal
     from lfobench.stats.planning import Design
 
-    rule = selection.make_rule(test, scope, correction, alpha)
-    counted = parse_statistic(statistic)
     chosen = selection.select_records(out, suite, protocol, steps, source, preset, methods)
     if not chosen.records:
         raise UserError(f"{out} holds no records.", "Run two seeds of two methods first: they are the pilot.")
+    scored, rule = knobs(chosen.records, statistic, test, scope, correction, alpha)
     # Whoever is named competes, with or without expert actions.
-    pilot = read_pilot(chosen.records, counted, "all" if methods else rule.scope, chosen.tasks)
+    pilot = read_pilot(chosen.records, scored, "all" if methods else rule.scope, chosen.tasks)
     planned = plan_seeds(pilot, Design(effect, power, rule.alpha, rule.test, rule.correction, seeds), workers)
     if as_json:
         output.out(json_planning(planned), end="", highlight=False)

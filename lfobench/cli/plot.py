@@ -33,7 +33,7 @@ def plot(
     width: Annotated[Width, typer.Option(help="Of one column of a paper (3.3 in) or of the page (6.8 in).")] = (
         Width.column
     ),
-    statistic: selection.StatisticName = "last5",
+    statistic: selection.StatisticName = None,
     suite: selection.SuiteFilter = None,
     protocol: selection.ProtocolFilter = None,
     steps: selection.StepsFilter = None,
@@ -66,25 +66,24 @@ def plot(
     """
     from lfobench.api import COLUMN_ORDER
     from lfobench.cli import scene
-    from lfobench.contract.statistic import parse_statistic
     from lfobench.errors import UserError
     from lfobench.files import replacing
     from lfobench.render.plots.figure import format_of
     from lfobench.render.plots.kinds import draw
     from lfobench.render.plots.style import WIDTHS
-    from lfobench.stats.highlight import DEFAULT_RULE
+    from lfobench.render.rules import knobs
 
     wanted = scene.View(view, tasks, seed, episodes)
     above = scene.kind_of(kind, wanted)
-    if above and (suite is not None or statistic != "last5"):
+    if above and (suite is not None or statistic is not None):
         raise UserError(f"--suite and --stat are for figures of scores; {kind} is a suite.", "Leave them out.")
     format_name = format_of(to)
-    counted = parse_statistic(statistic)
     selected = selection.select_records(out, kind if above else suite, protocol, steps, source, preset, methods)
     if above:
         figure = scene.draw(kind, above, wanted, selected, out, WIDTHS[width.value])
     else:
-        figure = draw(kind, selected.table(counted, DEFAULT_RULE), selected.records, width.value, COLUMN_ORDER)
+        table = selected.table(*knobs(selected.records, statistic))
+        figure = draw(kind, table, selected.records, width.value, COLUMN_ORDER)
     with replacing(to) as temporary:
         figure.savefig(temporary, format=format_name)
     output.out(figure.caption, highlight=False)

@@ -15,8 +15,8 @@ def report(
     to: Annotated[Path, typer.Option(help="The file to write.")] = Path("report.html"),
     out: options.Out = options.DEFAULT_OUT,
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
-    statistic: selection.StatisticName = "last5",
-    test: selection.TestName = "welch",
+    statistic: selection.StatisticName = None,
+    test: selection.TestName = None,
     scope: selection.ScopeName = "group",
     correction: selection.CorrectionName = "none",
     alpha: selection.Alpha = 0.05,
@@ -36,14 +36,13 @@ def report(
     """
     from datetime import UTC, datetime
 
-    from lfobench.contract.statistic import parse_statistic
     from lfobench.files import write_text
     from lfobench.render.report.page import TITLE
     from lfobench.render.report.page import report as render
+    from lfobench.render.rules import knobs
 
-    rule = selection.make_rule(test, scope, correction, alpha)
-    counted = parse_statistic(statistic)
     selected = selection.select_records(out, suite, protocol, steps, source, preset, methods)
+    scored, rule = knobs(selected.records, statistic, test, scope, correction, alpha)
     filters = {
         "--suite": suite,
         "--protocol": protocol,
@@ -56,7 +55,7 @@ def report(
         selected.records,
         selected.failures,
         selected.warnings,
-        counted,
+        scored,
         rule,
         selected.tasks,
         selected.methods,

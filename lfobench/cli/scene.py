@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from lfobench.api import Selection
 from lfobench.cli.trained import of_seed, outcomes_of, policy_of, scene_of, starts_of, traces_of
 from lfobench.contract.record import Record
-from lfobench.contract.statistic import parse_statistic
 from lfobench.contract.suite import Suite, Task
 from lfobench.data.source import load_task
 from lfobench.data.strokes import demonstrated_strokes
@@ -28,8 +27,8 @@ from lfobench.render.plots.kinds import PLOTS
 from lfobench.render.plots.scene.field import Field, field, field_points
 from lfobench.render.plots.scene.hitting import Hit, hitting
 from lfobench.render.plots.scene.paths import Demonstrated, RolledOut, paths
+from lfobench.render.rules import knobs
 from lfobench.render.table import Table
-from lfobench.stats.highlight import DEFAULT_RULE
 
 VIEWS = ("paths", "field", "hitting")
 POSITION = slice(0, 2)
@@ -104,7 +103,7 @@ def draw(kind: str, suite: Suite, view: View, selected: Selection, out: Path, wi
         raise UserError("A field shows no episode.", "Leave --episodes out, or draw --view paths.")
     tasks = _tasks(suite, records, name)
     drawn = replace(selected, records=[each for each in records if each.task in tasks], failures=[])
-    table = drawn.table(parse_statistic("last5"), DEFAULT_RULE)
+    table = drawn.table(*knobs(selected.records))
     found = _Found(kind, suite, tasks, _arranged(drawn), out, view.starts, outcomes_of(selected.records))
     return {"paths": _paths, "field": _field, "hitting": _hitting}[name](found, table, width)
 

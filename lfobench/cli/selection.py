@@ -11,26 +11,23 @@ from lfobench.cli.inputs import warn
 
 if TYPE_CHECKING:
     from lfobench.api import Selection
-    from lfobench.stats.highlight import Rule
 
 StatisticName = Annotated[
-    str, typer.Option("--stat", help="Score of a run: last5 (mean of the last 5 evaluations), last, best or at:STEP.")
-]
-TestName = Annotated[
-    str,
+    str | None,
     typer.Option(
-        "--test",
-        help="Best against second best: welch, student, mann-whitney, permutation (over seeds); "
-        "paired-t, wilcoxon, paired-permutation (over common start states).",
+        "--stat",
+        help="Score of a run: last5 (mean of the last 5 evaluations), last, best, at:STEP or success (percentage of "
+        "the last policy's episodes). Default: success where every record says how its episodes ended, else last5.",
+        show_default=False,
     ),
 ]
-TableTestName = Annotated[
+TestName = Annotated[
     str | None,
     typer.Option(
         "--test",
         help="Best against second best: welch, student, mann-whitney, permutation (over seeds); "
         "paired-t, wilcoxon, paired-permutation (over common start states); fisher (success counts). "
-        "Default: fisher where every record says how its episodes ended, else welch.",
+        "Default: fisher with --stat success, else welch.",
         show_default=False,
     ),
 ]
@@ -64,10 +61,3 @@ def select_records(
     )
     warn(selection.warnings)
     return selection
-
-
-def make_rule(test: str, scope: str, correction: str, alpha: float) -> Rule:
-    """The four knobs as a value, for views of scores."""
-    from lfobench import api
-
-    return api.make_rule(test, scope, correction, alpha)

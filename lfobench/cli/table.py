@@ -45,8 +45,8 @@ def table(
     outcomes: Annotated[
         bool, typer.Option("--outcomes", help="How the episodes ended instead: success, or which failure. Not in HTML.")
     ] = False,
-    statistic: selection.StatisticName = "last5",
-    test: selection.TableTestName = None,
+    statistic: selection.StatisticName = None,
+    test: selection.TestName = None,
     scope: selection.ScopeName = "group",
     correction: selection.CorrectionName = "none",
     alpha: selection.Alpha = 0.05,
@@ -69,18 +69,16 @@ def table(
     Example: lfobench table --out runs --format latex > table.tex
     """
     from lfobench import api
-    from lfobench.contract.statistic import parse_statistic
     from lfobench.render.formats import export
     from lfobench.render.terminal import terminal
 
     if outcomes:
         _check_outcomes(context, format_name)
-    counted = parse_statistic(statistic)
     selected = selection.select_records(out, suite, protocol, steps, source, preset, methods)
     if outcomes:
         _print_outcomes(selected, format_name)
         return
-    built = selected.table(counted, api.table_rule(selected.records, test, scope, correction, alpha))
+    built = selected.table(*api.knobs(selected.records, statistic, test, scope, correction, alpha))
     if against is not None:
         built = api.hold_against(built, against, margin, anyway)
     if format_name is Format.terminal:

@@ -27,6 +27,18 @@ class PrintedMean:
     n: int | None
     highlighted: bool | None
 
+    @property
+    def spreads(self) -> tuple[float, float] | None:
+        """The smallest and the largest spread that are rounded to the printed one; None where none is printed."""
+        if self.std is None or self.std_digit is None:
+            return None
+        return max(0.0, self.std - self.std_digit / 2.0), self.std + self.std_digit / 2.0
+
+    @property
+    def spread(self) -> float | None:
+        """What a test takes for the spread: the printed one, and for a printed 0 the largest that prints so."""
+        return self.std if self.std != 0.0 or self.spreads is None else self.spreads[1]
+
 
 @dataclass(frozen=True)
 class PrintedCount:

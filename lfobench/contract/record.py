@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, TypeGuard
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from lfobench.contract.identity import MOST_EPISODES, Steps, check_depth, check_identity
-from lfobench.contract.statistic import HEADLINE, Statistic
+from lfobench.contract.statistic import HEADLINE, SUCCESS_RATE, Statistic, mean
 from lfobench.errors import UserError
 from lfobench.words import short_number
 
@@ -190,19 +191,35 @@ class Record(_Model):
         low, high = environment["random_return"], environment["expert_return"]
         return float(100.0 * (episode_return - low) / (high - low))
 
-    def curve(self) -> list[tuple[int, float]]:
-        """Mean normalised score of every evaluation, as (step, score)."""
-        return [(evaluation.step, self._mean_score(evaluation)) for evaluation in self.evaluations]
+    def curve(self, statistic: Statistic = HEADLINE) -> list[tuple[int, float]]:
+        """The score of every evaluation, as (step, score): mean normalised score, or what `success` counts.
+
+        Raises:
+            UserError: `success` of a record that does not say how its episodes ended.
+        """
+        return [(evaluation.step, self._mean_score([evaluation], statistic)) for evaluation in self.evaluations]
 
     @property
     def _episodes(self) -> int:
         return int(self.identity["protocol"]["evaluation_episodes"])
 
-    def _mean_score(self, evaluation: Evaluation) -> float:
-        return self.normalized_score(sum(evaluation.returns) / len(evaluation.returns))
+    def _mean_score(self, evaluations: Sequence[Evaluation], statistic: Statistic) -> float:
+        """The mean of the evaluations' scores; of their episodes where successes are counted."""
+        if statistic == SUCCESS_RATE:
+            return mean([score for evaluation in evaluations for score in self._success_scores(evaluation)])
+        return mean([self.normalized_score(mean(evaluation.returns)) for evaluation in evaluations])
+
+    def _success_scores(self, evaluation: Evaluation) -> list[float]:
+        """100 for every episode that succeeded and 0 for the others."""
+        if evaluation.outcomes is None:
+            raise UserError(
+                f"{self.method} on {self.task}, seed {self.seed}, does not say how its episodes ended.",
+                "Use a score of returns, e.g. --stat last5, or leave such records out with --suite or --methods.",
+            )
+        return [100.0 if outcome == SUCCESS else 0.0 for outcome in evaluation.outcomes]
 
     def counted(self, statistic: Statistic = HEADLINE) -> list[Evaluation]:
-        """The evaluations that `statistic` takes the mean of; none of a diverged run.
+        """The evaluations that `statistic` takes the mean of, further episodes among them; none of a diverged run.
 
         Raises:
             UserError: the run was not evaluated at the step that the statistic names.
@@ -216,33 +233,40 @@ class Record(_Model):
                 f"{self.method} on {self.task}, seed {self.seed}, was not evaluated at step {statistic.step}.",
                 f"It was at {steps}.",
             )
-        return [self.evaluations[index] for index in chosen]
+        further = [self.further] if statistic == SUCCESS_RATE and self.further else []
+        return [*(self.evaluations[index] for index in chosen), *further]
 
     def score(self, statistic: Statistic = HEADLINE) -> float:
         """The run's score under `statistic`; the headline is the mean of the last five evaluations.
 
         A diverged seed scores 0, the level of random actions, under every statistic: it is shown and
         counted, never dropped.
+
+        Raises:
+            UserError: as `counted` and `curve`.
         """
         evaluations = self.counted(statistic)
-        if not evaluations:
-            return 0.0
-        scores = [self._mean_score(evaluation) for evaluation in evaluations]
-        return sum(scores) / len(scores)
+        return self._mean_score(evaluations, statistic) if evaluations else 0.0
 
     def start_scores(self, statistic: Statistic = HEADLINE) -> list[float]:
-        """The run's score from each common start state ``[K]``; their mean is `score`.
+        """The run's score from each common start state ``[K]``, further ones last; their mean is `score`.
 
         Empty where the evaluations differ in their numbers of episodes, so that starts have no score.
+
+        Raises:
+            UserError: as `counted` and `curve`.
         """
         evaluations = self.counted(statistic)
         if not evaluations:
-            starts = self.evaluations[0].returns if self.evaluations else range(self._episodes)
-            return [0.0 for _ in starts]
+            fixed = len(self.evaluations[0].returns) if self.evaluations else self._episodes
+            further = int(self.identity["protocol"].get("further_episodes", 0)) if statistic == SUCCESS_RATE else 0
+            return [0.0] * (fixed + further)
+        if statistic == SUCCESS_RATE:
+            return [score for evaluation in evaluations for score in self._success_scores(evaluation)]
         if len({len(evaluation.returns) for evaluation in evaluations}) > 1:
             return []
         by_start = zip(*(evaluation.returns for evaluation in evaluations), strict=True)
-        return [self.normalized_score(sum(returns) / len(returns)) for returns in by_start]
+        return [self.normalized_score(mean(returns)) for returns in by_start]
 
     def bounded(self) -> Record:
         """The record as every view takes it; this one unless the score of an episode is beyond `LARGEST_SCORE`.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -18,11 +19,12 @@ class Statistic:
 
     Attributes:
         name: `last5`: the last five, or all where there are fewer; `last`: the last one; `best`: the one with the
-            highest score; `at`: the one at `step`.
+            highest score; `at`: the one at `step`; `success`: the last one and the episodes from further starts, of
+            which the score is the percentage that succeeded.
         step: gradient step of `at`; None for the others.
     """
 
-    name: Literal["last5", "last", "best", "at"]
+    name: Literal["last5", "last", "best", "at", "success"]
     step: int | None = None
 
     def __str__(self) -> str:
@@ -33,7 +35,7 @@ class Statistic:
         everything = list(range(len(steps)))
         if self.name == "last5":
             return everything[-_TAIL:]
-        if self.name == "last":
+        if self.name in ("last", "success"):
             return everything[-1:]
         if self.name == "best":
             return [max(everything, key=lambda index: scores[index])]
@@ -41,19 +43,35 @@ class Statistic:
 
 
 HEADLINE = Statistic("last5")
-"""The statistic of a table unless another is asked for."""
+"""The statistic of records of scores unless another is asked for."""
+
+SUCCESS_RATE = Statistic("success")
+"""That of records which all say how their episodes ended."""
 
 
 def parse_statistic(text: str) -> Statistic:
-    """``last5``, ``last``, ``best`` or ``at:STEP``.
+    """``last5``, ``last``, ``best``, ``at:STEP`` or ``success``.
 
     Raises:
         UserError: anything else.
     """
     match text.strip().split(":"):
-        case ["last5" | "last" | "best" as name]:
+        case ["last5" | "last" | "best" | "success" as name]:
             return Statistic(name)
         case ["at", step] if step.strip().isdecimal() and len(step) <= _LONGEST_STEP:
             return Statistic("at", int(step))
         case _:
-            raise UserError(f"Unknown statistic '{text}'.", "Known: last5, last, best, at:STEP, e.g. at:10000.")
+            raise UserError(
+                f"Unknown statistic '{text}'.", "Known: last5, last, best, at:STEP (e.g. at:10000), success."
+            )
+
+
+def mean(values: Sequence[float]) -> float:
+    """Arithmetic mean of finite numbers ``[n]``, n at least 1, from their exact sum.
+
+    It does not depend on their order, lies between the smallest and the largest, and cannot overflow.
+    """
+    # A power of two: division by it is exact, and the sum of the shares is no larger than the largest number.
+    share = 2.0 ** len(values).bit_length()
+    exact = math.fsum(value / share for value in values) / (len(values) / share)
+    return min(max(exact, min(values)), max(values))

@@ -29,7 +29,9 @@ def means_in_short(audit: MeansAudit) -> str:
         says = f"{follow} of {len(judged)} printed highlights follow" if judged else "no printed highlight to judge"
         left = len(winners) - len(at_n.lost("holm"))
         single = counted(len(winners), "single winner", "single winners")
-        sentences.append(f"with {_n(at_n)}, {says}, and Holm leaves {left} of {single}")
+        open_rows = len(at_n.undecided_by_print)
+        blurred = f", {open_rows} not decided by the printed numbers" if open_rows else ""
+        sentences.append(f"with {_n(at_n)}, {says}{blurred}, and Holm leaves {left} of {single}")
     return f"{'; '.join(sentences)}."
 
 
@@ -53,6 +55,9 @@ def _follows(audit: MeansAudit, at_n: AuditAtN) -> str:
     where = " and ".join(claim.where for claim in audit.table.claims if claim.n == at_n.n)
     judged, winners = at_n.judged, at_n.winners
     text = f"With {_n(at_n)}{f' ({where})' if where else ''}: "
+    if open_rows := at_n.undecided_by_print:
+        text += f"{counted(len(open_rows), 'row is', 'rows are')} not decided by the printed numbers"
+        text += f"{listed(':', [row.name for row in open_rows])}. "
     if judged:
         text += f"{len([row for row in judged if row.follows])} of {len(judged)} printed highlights follow"
         against = [
@@ -93,7 +98,7 @@ def _at_n(audit: MeansAudit, at_n: AuditAtN) -> Grid:
             row.name,
             methods_text(row.printed),
             _verdict(audit, at_n, row),
-            p_text(row.p),
+            _p(row),
             p_text(row.holm),
             p_text(row.bh),
             _needed(effect),
@@ -101,6 +106,14 @@ def _at_n(audit: MeansAudit, at_n: AuditAtN) -> Grid:
         for row, effect in zip(at_n.rows, audit.effects, strict=True)
     ]
     return Grid(f"{audit.table.title}, {_n(at_n)}", columns, tuple(rows))
+
+
+def _p(row: AuditedRow) -> str:
+    """With what unprinted digits leave open, where that is what decides."""
+    if row.p_range is None or row.decided:
+        return p_text(row.p)
+    low, high = map(p_text, row.p_range)
+    return f"{low} to {high}"
 
 
 def _without_n(audit: MeansAudit) -> Grid:
@@ -126,6 +139,8 @@ def _outcome(audit: MeansAudit, at_n: AuditAtN, row: AuditedRow) -> str:
         return "not tested"
     if row.outcome == "unopposed":
         return "no competitor"
+    if not row.decided:
+        return "not decided by the printed numbers"
     if row.outcome == "better":
         lost = audit.rule.correction != "holm" and row in at_n.lost("holm")
         # Where the highlight follows, it names the winner beside the verdict.
@@ -142,9 +157,33 @@ def _means_notes(audit: MeansAudit) -> Iterator[Note]:
         "first step of Holm, the level over the number of rows. It takes the printed difference and spreads for the "
         "true ones, which favours differences that were printed because they were large.",
     )
+    for at_n in audit.by_n:
+        for row, effect in zip(at_n.rows, audit.effects, strict=True):
+            if row.p_range is None or row.decided or effect is None:
+                continue
+            yield Note(
+                "Not decided",
+                f"{row.name}, {_n(at_n)}: {_spreads(audit, row, effect)}, p up to {row.p_range[1]:.2g} and down to "
+                f"{row.p_range[0]:.2g}: not decided by the printed numbers.",
+            )
     if audit.by_n:
         yield Note("Holm, BH", "p corrected over the rows tested, by Holm and by Benjamini and Hochberg.")
-    yield Note("Spread", "what the table prints after ± is read as the sample standard deviation.")
+    yield Note(
+        "Spread",
+        "what the table prints after ± is read as the sample standard deviation, rounded to the digits printed; ± 0 as "
+        "the largest that prints so. A verdict holds for every spread that prints alike, with the means as printed.",
+    )
+
+
+def _spreads(audit: MeansAudit, row: AuditedRow, effect: Effect) -> str:
+    """``± 0 may be up to ± 0.5``, of the two methods that were compared."""
+    cells = next(each for each in audit.table.rows if each.name == row.name).cells
+    texts = dict.fromkeys(
+        f"± {cell.std:g} may be up to ± {cell.spreads[1]:g}"
+        for method in (effect.best, effect.second)
+        if (cell := cells[method]).spreads is not None
+    )
+    return ", ".join(texts)
 
 
 def _n(at_n: AuditAtN) -> str:

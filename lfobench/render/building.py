@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import Labels, Record, usable
-from lfobench.contract.statistic import HEADLINE, Statistic
+from lfobench.contract.statistic import HEADLINE, SUCCESS_RATE, Statistic, mean
 from lfobench.errors import UserError
 from lfobench.render.columns import arrange_columns, column_of_failure, crashed_columns, fits_row, in_order
 from lfobench.render.conditions import check_cell, check_unmixed
@@ -23,7 +23,7 @@ Cells = dict[Column, Cell]
 
 def build_table(
     records: Sequence[Record],
-    statistic: Statistic = HEADLINE,
+    statistic: Statistic | None = None,
     rule: Rule = DEFAULT_RULE,
     tasks: Sequence[str] = (),
     methods: Sequence[str] = (),
@@ -33,7 +33,7 @@ def build_table(
 
     Args:
         records: from one source under one protocol, in any order.
-        statistic: what a run's evaluations are reduced to.
+        statistic: what a run's evaluations are reduced to; by default successes for a rule of counts, else `HEADLINE`.
         rule: what is highlighted; its test decides whether cells show scores or success counts.
         tasks: names in row order; tasks not named follow as they first appear.
         methods: names in column order, inside each column group; the others follow as they first appear.
@@ -55,6 +55,8 @@ def build_table(
         raise UserError("There are no records to make a table of.", "Run `lfobench run` first.")
     check_unmixed(records)
     counts = rule.test == "fisher"
+    if statistic is None:
+        statistic = SUCCESS_RATE if counts else HEADLINE
     if counts:
         check_counts(records, statistic)
     columns = arrange_columns(records, methods)
@@ -82,7 +84,7 @@ def build_table(
         rule=rule,
         source=str(records[0].identity["source"]),
         protocol=str(records[0].identity["protocol"]["name"]),
-        success_rates=scores_are_success_rates(records),
+        success_rates=statistic == SUCCESS_RATE or scores_are_success_rates(records),
     )
     return replace(table, notes=footnote(table, columns))
 
@@ -111,7 +113,7 @@ def _start_scores(records: Sequence[Record], statistic: Statistic) -> list[float
     by_seed = [record.start_scores(statistic) for record in records]
     if len(set(map(len, by_seed))) > 1:
         return []
-    return [sum(scores) / len(scores) for scores in zip(*by_seed, strict=True)]
+    return [mean(scores) for scores in zip(*by_seed, strict=True)]
 
 
 def _crashes(
@@ -174,6 +176,7 @@ def _rows(cells: Mapping[str, Cells], rule: Rule, others: Mapping[str, Cells], c
                 outcome.outcome,
                 outcome.p,
                 outcome.adjusted_p,
+                outcome.without_spread,
             )
         )
     return rows

@@ -8,9 +8,8 @@ from typing import Literal, TypeAlias
 from lfobench.contract.record import Warning
 from lfobench.contract.statistic import Statistic
 from lfobench.errors import UserError
-from lfobench.render.highlight_note import TESTS
+from lfobench.render.highlight_note import TESTS, unit
 from lfobench.render.pairing import CellName, Pairing, name_of
-from lfobench.stats.comparison import PAIRED
 from lfobench.stats.contrast import Comparison, Contrast, Outcome, best_p, contrast, scores_compared
 from lfobench.stats.highlight import Rule
 
@@ -79,14 +78,13 @@ def warnings_of(compared: Compared) -> list[Warning]:
 def summary(compared: Compared) -> str:
     """``dilo against smodice: better on 1 task, worse on 0, undecided on 1``; a regression gate says worse first."""
     pairing = compared.pairing
-    unit = pairing.unit
     words: list[Verdict] = (
         ["better", "worse", "undecided"] if pairing.kind == "methods" else ["worse", "undecided", "better"]
     )
     parts: list[str] = []
     for verdict in [*words, *(other for other in VERDICTS if other not in words and compared.having(other))]:
         count = len(compared.having(verdict))
-        counted = f"{count}" if parts else f"{count} {unit}{'' if count == 1 else 's'}"
+        counted = f"{count}" if parts else f"{count} {pairing.unit}{'' if count == 1 else 's'}"
         parts.append(f"{verdict}{'' if verdict == 'identical' else ' on'} {counted}")
     return f"{pairing.subject.heading} against {pairing.reference.heading}: {', '.join(parts)}"
 
@@ -96,14 +94,14 @@ def blind_because(compared: Compared) -> str | None:
     judged, rule = list(compared.contrast.cells.values()), compared.rule
     if not judged or any(cell.reachable for cell in judged):
         return None
-    unit = "start states" if rule.test in PAIRED else "seeds"
+    units = f"{unit(rule.test)}s"
     tested = [cell for cell in judged if cell.p is not None]
     if not tested:
-        return f"no cell has two {unit} on both sides"
+        return f"no cell has two {units} on both sides"
     largest = max(tested, key=lambda cell: min(_sizes(cell, rule)))
     sizes = " against ".join(map(str, _sizes(largest, rule)))
     times = f", times {len(tested)} under Holm" if rule.correction == "holm" and len(tested) > 1 else ""
-    return f"with {sizes} {unit}, {TESTS[rule.test]} gives at best p = {best_p(largest, rule.test):.2g}{times}"
+    return f"with {sizes} {units}, {TESTS[rule.test]} gives at best p = {best_p(largest, rule.test):.2g}{times}"
 
 
 def _sizes(cell: Comparison, rule: Rule) -> tuple[int, int]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import isclose
 
 from lfobench.contract.record import SUCCESS, Evaluation, Record
-from lfobench.contract.statistic import Statistic
+from lfobench.contract.statistic import SUCCESS_RATE, Statistic
 from lfobench.errors import UserError
 from lfobench.stats.successes import Count, Successes, pool
 
@@ -60,7 +60,7 @@ def check_counts(records: Sequence[Record], statistic: Statistic) -> None:
     check_outcomes(
         records, "--test fisher compares success counts", f"Use a test of scores, e.g. --test welch, or {LEAVE_OUT}"
     )
-    if statistic.name not in ("last5", "last"):
+    if statistic != SUCCESS_RATE:
         raise UserError(
             f"--stat {statistic} chooses evaluations for a mean of scores; success counts are of the last evaluation.",
             "Leave it out, or compare scores with --test welch.",

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from lfobench.render.cell_text import LOST
 from lfobench.render.table import HIGHLIGHT_NOTE, Note, Row, Table, competes
 from lfobench.stats.comparison import PAIRED
+from lfobench.stats.contrast import scores_compared
 from lfobench.stats.feasibility import can_reach, smallest_p
 from lfobench.stats.names import Correction, HighlightTest, Scope
-from lfobench.stats.sample import Sample, counted
 
 TESTS: dict[HighlightTest, str] = {
     "welch": "Welch's two-sided t-test",
@@ -40,7 +40,7 @@ def highlight_notes(table: Table) -> Iterator[Note]:
         f"Correction for multiple comparisons: {CORRECTIONS[rule.correction]}"
     )
     for outcome, said in (
-        ("untested", f"Not tested for want of a second {_unit(rule.test)}, both highlighted"),
+        ("untested", f"Not tested for want of a second {unit(rule.test)}, both highlighted"),
         ("unopposed", "Nothing to compare, nothing highlighted"),
         ("all failed", "No success at all, nothing highlighted"),
     ):
@@ -55,6 +55,8 @@ def highlight_notes(table: Table) -> Iterator[Note]:
             "the test pairs the common start states, each with its mean over seeds. It speaks of other starts of these "
             "trained policies, not of other training seeds.",
         )
+    if without := [row for row in rows if row.without_spread]:
+        yield Note("No spread", without_spread_note(rule.test, _where(without, rows)))
     if any(cell is not None and cell.lost for _, _, cell in table.cells()):
         by = CORRECTIONS["holm" if rule.correction == "none" else rule.correction]
         yield Note(
@@ -63,8 +65,18 @@ def highlight_notes(table: Table) -> Iterator[Note]:
     yield from _infeasible(table)
 
 
-def _unit(test: HighlightTest) -> str:
+def unit(test: HighlightTest) -> str:
+    """What a test counts."""
     return "start state" if test in PAIRED else "episode" if test == "fisher" else "seed"
+
+
+def without_spread_note(test: HighlightTest, where: str) -> str:
+    """What a t-test's p is worth where nothing varies."""
+    alike = "all start states differ alike" if test in PAIRED else "on neither side do scores vary over seeds"
+    return (
+        f"{where}: {alike}, so p is a limit, 0 where the means differ and 1 where they do not. It rests on no estimate "
+        f"of spread: other {unit(test)}s may well differ."
+    )
 
 
 def _where(concerned: Sequence[Row], rows: Sequence[Row]) -> str:
@@ -83,7 +95,7 @@ def _infeasible(table: Table) -> Iterator[Note]:
         times = f", times {len(tested)} under Holm" if rule.correction == "holm" and len(tested) > 1 else ""
         yield Note(
             "Design",
-            f"with {most} {_unit(rule.test)}s, {TESTS[rule.test]} gives at best p = {smallest:.2g}{times}, so no row "
+            f"with {most} {unit(rule.test)}s, {TESTS[rule.test]} gives at best p = {smallest:.2g}{times}, so no row "
             "could have come out significant. Use more, or another test.",
         )
 
@@ -95,12 +107,5 @@ def _sizes(table: Table, row: Row) -> tuple[int, int]:
         for column, cell in zip(table.columns, row.cells, strict=True)
         if cell is not None and cell.sample is not None and competes(column, table.rule.scope)
     ]
-    sizes = sorted(_size(sample, table.rule.test) for sample in samples)
+    sizes = sorted(scores_compared(table.rule.test, sample) for sample in samples)
     return sizes[-1], sizes[-2]
-
-
-def _size(sample: Sample, test: HighlightTest) -> int:
-    """How many scores or episodes the test looks at."""
-    if test == "fisher":
-        return counted(sample).pooled.trials
-    return len(sample.starts if test in PAIRED else sample.seeds)

@@ -59,7 +59,11 @@ def _at_n(at_n: AuditAtN) -> dict[str, Any]:
         "single_winners": len(at_n.winners),
         "lost_by_holm": [row.name for row in at_n.lost("holm")],
         "lost_by_bh": [row.name for row in at_n.lost("bh")],
-        "rows": [{**_row(row), "follows": row.follows, "by_the_rule": sorted(row.ruled)} for row in at_n.rows],
+        "not_decided_by_the_printed_numbers": [row.name for row in at_n.undecided_by_print],
+        "rows": [
+            {**_row(row), "p_range": row.p_range, "follows": row.follows, "by_the_rule": sorted(row.ruled)}
+            for row in at_n.rows
+        ],
     }
 
 

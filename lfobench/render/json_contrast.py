@@ -62,6 +62,7 @@ def _cell_object(compared: Compared, name: CellName) -> dict[str, Any]:
         "p": judged.p if judged else None,
         "adjusted_p": judged.adjusted_p if judged else None,
         "verdict_reachable": judged.reachable if judged else None,
+        "without_spread": judged.without_spread if judged else None,
         "subject": _side_object(pair.subject),
         "reference": _side_object(pair.reference),
         "identical_runs": pair.identical_runs,
@@ -76,12 +77,14 @@ def _named(cell: CellName) -> dict[str, str]:
 
 def _side_object(cell: Cell) -> dict[str, Any]:
     assert cell.sample is not None
+    counted = cell.successes.pooled if cell.successes else None
     return {
         "n": cell.sample.summary.n,
         "mean": cell.sample.summary.mean,
         "std": cell.sample.summary.std,
         "seeds": list(cell.seeds),
         "scores": list(cell.sample.seeds),
+        **({"successes": counted.successes, "trials": counted.trials} if counted else {}),
         "diverged_seeds": list(cell.diverged_seeds),
         "failed_seeds": list(cell.failed_seeds),
     }

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import SUCCESS, Record
-from lfobench.contract.statistic import HEADLINE
+from lfobench.contract.statistic import SUCCESS_RATE
 from lfobench.render.building import build_table
 from lfobench.render.columns import arrange_columns
 from lfobench.render.counting import (
@@ -85,7 +85,7 @@ def outcome_table(
     """
     if records:
         check_outcomes(records, "--outcomes counts how episodes ended", LEAVE_OUT.capitalize())
-    table = build_table(records, HEADLINE, Rule("fisher"), tasks, methods, failures)
+    table = build_table(records, SUCCESS_RATE, Rule("fisher"), tasks, methods, failures)
     members = arrange_columns(records, methods)
     lines = tuple(
         Line(

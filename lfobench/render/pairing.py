@@ -15,6 +15,7 @@ from lfobench.render.conditions import check_unmixed
 from lfobench.render.differing import CellRecords, Difference, differences, refuse_other_conditions
 from lfobench.render.sides import Cells, Found, Side, Variant, cells_of, merged_notes, variant_of
 from lfobench.render.table import Cell, Column, Note
+from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.sample import Sample
 
 CellName: TypeAlias = tuple[str, str]
@@ -95,8 +96,11 @@ def pair_methods(
     second: str,
     statistic: Statistic,
     tasks: Sequence[str] = (),
+    rule: Rule = DEFAULT_RULE,
 ) -> Pairing:
     """The first method against the second, on every task; a method with several columns is named by its column.
+
+    The cells hold what the test of `rule` compares.
 
     Raises:
         UserError: an unknown or an ambiguous name, one method against itself, records that must not share a table, or
@@ -111,22 +115,27 @@ def pair_methods(
         Side(column.label, column.label, columns[column], [each for each in failures if each.method == column.method])
         for column in (one, two)
     )
-    cells, notes = zip(*(cells_of(side, statistic, tasks) for side in (subject, reference)), strict=True)
+    cells, notes = zip(*(cells_of(side, statistic, tasks, rule) for side in (subject, reference)), strict=True)
     by_task: list[Cells] = [{(task, ()): found for (task, _), found in each.items()} for each in cells]
     return _paired("methods", subject, reference, by_task[0], by_task[1], {}, merged_notes(subject, reference, *notes))
 
 
 def pair_folders(
-    reference: Side, subject: Side, statistic: Statistic, tasks: Sequence[str] = (), allowed: Sequence[str] = ()
+    reference: Side,
+    subject: Side,
+    statistic: Statistic,
+    tasks: Sequence[str] = (),
+    allowed: Sequence[str] = (),
+    rule: Rule = DEFAULT_RULE,
 ) -> Pairing:
-    """The second folder's cells against the first's.
+    """The second folder's cells against the first's, which hold what the test of `rule` compares.
 
     Raises:
         UserError: no cell of both, two variants of one cell in a folder, records of a folder that must not share a
             table, or conditions that differ and are not `allowed`.
     """
-    theirs, their_notes = cells_of(reference, statistic, tasks)
-    ours, our_notes = cells_of(subject, statistic, tasks)
+    theirs, their_notes = cells_of(reference, statistic, tasks, rule)
+    ours, our_notes = cells_of(subject, statistic, tasks, rule)
     labels = _labels([*ours.values(), *(found for key, found in theirs.items() if key not in ours)])
     pairing = _paired(
         "folders", subject, reference, ours, theirs, labels, merged_notes(subject, reference, our_notes, their_notes)

@@ -71,8 +71,10 @@ def plan_seeds(pilot: Pilot, design: Design, workers: int = 1) -> SeedPlan:
     """The plan for a pilot.
 
     Raises:
-        UserError: the effect is not positive, or a power or level is not strictly between 0 and 1.
+        UserError: a test of counts, the effect is not positive, or a power or level is not strictly between 0 and 1.
     """
+    if design.test == "fisher":
+        raise UserError("'fisher' counts episodes, and a plan counts seeds.", "Leave --test out: welch takes seeds.")
     if not 0.0 < design.effect < math.inf:
         raise UserError(f"An effect of {design.effect:g} points cannot be planned for.", "Write, e.g., --effect 10.")
     for name, value, example in (("power", design.power, "0.8"), ("alpha", design.alpha, "0.05")):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lfobench.contract.record import Record
+from lfobench.contract.statistic import SUCCESS_RATE
 from lfobench.render.counting import counts_successes, fixed_outcomes, further_outcomes, some_count_successes
 from lfobench.render.table import Note, Table
 from lfobench.render.wording import either
@@ -15,10 +16,10 @@ STATISTICS: dict[str, str] = {
     "last": "last evaluation",
     "best": "best evaluation, picked by the score it reports and therefore optimistic",
     "at": "evaluation at step {step:,}",
+    "success": "percentage of successes among the episodes of its last policy, those from further starts included",
 }
 
 _RETURN = "normalised return, 100 · (return − random) / (expert − random)"
-_SUCCESS = "success rate in % of the episodes from the fixed test starts"
 
 
 def score_notes(table: Table, records: Sequence[Record]) -> Iterator[Note]:
@@ -32,7 +33,11 @@ def score_notes(table: Table, records: Sequence[Record]) -> Iterator[Note]:
 
 def _scores(table: Table, records: Sequence[Record]) -> Note:
     statistic = table.statistic
-    what = _SUCCESS if table.success_rates else f"{_RETURN}, where {_references(records)}"
+    if statistic == SUCCESS_RATE:
+        what = f"success rate in % of one episode of the last policy from each of {_starts(records)}"
+        return Note("Score", f"{what}; mean ± sample standard deviation over seeds.{_why_scores(records)}")
+    rates = "success rate in % of the episodes from the fixed test starts"
+    what = rates if table.success_rates else f"{_RETURN}, where {_references(records)}"
     text = (
         f"{what}; mean ± sample standard deviation "
         f"over seeds. Each seed counts as the {STATISTICS[statistic.name].format(step=statistic.step)}"
@@ -60,8 +65,8 @@ def _number(value: float) -> str:
 def _why_scores(records: Sequence[Record]) -> str:
     if counts_successes(records):
         return (
-            " Every record says how its episodes ended: without --test, lfobench table shows success counts instead, "
-            "further starts included."
+            " Every record says how its episodes ended: without --stat and --test, lfobench table shows success counts "
+            "instead, further starts included."
         )
     if some_count_successes(records):
         return " Scores, not success counts, because some records do not say how their episodes ended."
@@ -69,14 +74,19 @@ def _why_scores(records: Sequence[Record]) -> str:
 
 
 def _counts(records: Sequence[Record]) -> Note:
-    fixed = either(len(fixed_outcomes(record)) for record in records)
-    further = [len(further_outcomes(record)) for record in records]
-    beyond = f" and {either(further)} further ones, the same for every method and seed" if any(further) else ""
     return Note(
         "Score",
         "successes/episodes, and Wilson's 95% interval of the success rate in %. Pooled over seeds: each adds one "
-        f"episode of its last policy from each of the {fixed} fixed test starts{beyond}.",
+        f"episode of its last policy from each of {_starts(records)}.",
     )
+
+
+def _starts(records: Sequence[Record]) -> str:
+    """``the 10 fixed test starts and 100 further ones, the same for every method and seed``."""
+    fixed = either(len(fixed_outcomes(record)) for record in records)
+    further = [len(further_outcomes(record)) for record in records]
+    beyond = f" and {either(further)} further ones, the same for every method and seed" if any(further) else ""
+    return f"the {fixed} fixed test starts{beyond}"
 
 
 def _dependence(table: Table) -> Note:

@@ -13,11 +13,12 @@ from lfobench.errors import UserError
 from lfobench.render.building import build_table
 from lfobench.render.columns import arrange_columns
 from lfobench.render.table import Cell, Note
+from lfobench.stats.highlight import DEFAULT_RULE, Rule
 
 Variant: TypeAlias = tuple[str, ...]
 """What makes two columns of two folders the same: method, preset and what was set by hand, not their version."""
 
-_SHARED_NOTES = ("Score", "Source", "Protocol", "Simulator", "Precision", "Diverged", "Failed")
+_SHARED_NOTES = ("Score", "Episodes", "Source", "Protocol", "Simulator", "Precision", "Diverged", "Failed")
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Found:
 Cells: TypeAlias = Mapping[tuple[str, Variant], Found]
 
 
-def cells_of(side: Side, statistic: Statistic, tasks: Sequence[str]) -> tuple[Cells, tuple[Note, ...]]:
+def cells_of(side: Side, statistic: Statistic, tasks: Sequence[str], rule: Rule) -> tuple[Cells, tuple[Note, ...]]:
     """The cells of a side that have scores, in table order, and its footnote.
 
     Raises:
@@ -56,7 +57,9 @@ def cells_of(side: Side, statistic: Statistic, tasks: Sequence[str]) -> tuple[Ce
             configurations tell apart.
     """
     try:
-        table = build_table(side.records, statistic, tasks=tasks, failures=side.failures)
+        # Only whether successes are counted matters: a side has no highlights, which other tests could refuse.
+        shown = Rule("fisher") if rule.test == "fisher" else DEFAULT_RULE
+        table = build_table(side.records, statistic, shown, tasks, failures=side.failures)
     except UserError as error:
         raise UserError(f"{side.name}: {error.problem}", error.remedy) from error
     columns = arrange_columns(side.records)

@@ -96,6 +96,7 @@ class Row:
         outcome: of the highlight rule.
         p: p-value of best against second best; None where nothing was tested.
         adjusted_p: `p` corrected for the number of rows tested, by Holm where the rule says no correction.
+        without_spread: whether `p` is a limit, for want of any spread that a t-test could estimate.
     """
 
     label: str
@@ -104,6 +105,7 @@ class Row:
     outcome: Outcome
     p: float | None
     adjusted_p: float | None
+    without_spread: bool = False
 
 
 @dataclass(frozen=True)

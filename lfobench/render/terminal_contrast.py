@@ -11,7 +11,7 @@ from rich.text import Text
 from lfobench.render.cell_text import DIVERGED, FAILED, cell_text
 from lfobench.render.contrast import VERDICTS, Compared, Verdict, blind_because, summary
 from lfobench.render.differing import Difference, shortened
-from lfobench.render.highlight_note import CORRECTIONS, TESTS
+from lfobench.render.highlight_note import CORRECTIONS, TESTS, unit, without_spread_note
 from lfobench.render.layout import Section, aligned, wrapped
 from lfobench.render.pairing import CellName, Pairing, name_of
 from lfobench.render.table import Cell, Note
@@ -62,10 +62,9 @@ def _columns(compared: Compared) -> list[str]:
 
 
 def _sections(compared: Compared) -> Iterator[Section]:
-    unit = "start state" if compared.rule.test in PAIRED else "seed"
     for verdict in VERDICTS:
         if cells := compared.having(verdict):
-            reason = _REASONS.get(verdict, "").format(unit=unit)
+            reason = _REASONS.get(verdict, "").format(unit=unit(compared.rule.test))
             yield Section(
                 f"{verdict} ({len(cells)}){reason}",
                 _STYLES.get(verdict, "bold"),
@@ -112,10 +111,13 @@ def contrast_notes(compared: Compared) -> Iterator[Note]:
     yield Note(
         "Verdicts",
         f"{subject} against {reference} by {TESTS[rule.test]}: better or worse where p < {rule.alpha:g}{corrected}. "
-        f"Intervals of a difference are Welch's, of each {pairing.unit} alone.",
+        f"Intervals of a difference are {'Newcombe' if rule.test == 'fisher' else 'Welch'}'s, of each {pairing.unit} "
+        "alone.",
     )
     if rule.test in PAIRED:
         yield Note("Pairs", "the test speaks of other starts of these trained policies, not of other training seeds.")
+    if without := [name_of(cell) for cell, each in compared.contrast.cells.items() if each.without_spread]:
+        yield Note("No spread", without_spread_note(rule.test, ", ".join(without)))
     if blind := blind_because(compared):
         yield Note("Design", f"this comparison cannot find anything: {blind}. Use more, or another test.")
     yield from _folder_notes(compared)

@@ -26,6 +26,7 @@ from lfobench.stats.bootstrap import (
     strata,
 )
 from lfobench.stats.intervals import Estimate, Interval, check_probability
+from lfobench.stats.summary import tie
 
 
 def interquartile_mean(scores: Scores, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0) -> Estimate:
@@ -51,7 +52,7 @@ def interquartile_statistic(pool: Strata) -> Callable[[Counts], Values]:
     def statistic(counts: Counts) -> Values:
         below = np.cumsum(counts[order] * weights, axis=0)
         kept = np.diff(np.clip(below, low, high), axis=0, prepend=low)
-        return np.asarray(values @ kept / (high - low))
+        return np.asarray(values @ (kept / (high - low)))
 
     return statistic
 
@@ -116,10 +117,7 @@ def probability_of_improvement(
     rows, columns = (
         [slice(start, start + size) for start, size in zip(pool.starts, pool.sizes, strict=True)] for pool in pools
     )
-    wins = [
-        (np.sign(pools[0].values[row, None] - pools[1].values[column]) + 1.0) / 2.0
-        for row, column in zip(rows, columns, strict=True)
-    ]
+    wins = [_wins(pools[0].values[row], pools[1].values[column]) for row, column in zip(rows, columns, strict=True)]
 
     def statistic(counts_first: Counts, counts_second: Counts) -> Values:
         total = np.zeros(counts_first.shape[1])
@@ -177,9 +175,16 @@ def performance_profile(
     return Profile(above, values, low, high, level)
 
 
+def _wins(first: Values, second: Values) -> Values:
+    """1 where a run ``[n]`` of the first beats one ``[m]`` of the second, 0 where it loses, 1/2 where they tie."""
+    between = first[:, None] - second
+    between[np.abs(between) <= tie(first, second)] = 0.0
+    return np.asarray((np.sign(between) + 1.0) / 2.0)
+
+
 def _mean_of(pool: Strata, values: Values, level: float, replicates: int, seed: int) -> Estimate:
     """Mean over tasks of the mean over runs of any value ``[N]`` of the runs."""
-    shares = values * pool.weights / values.size
+    shares = values * (pool.weights / values.size)
     return _estimate(pool, lambda counts: shares @ counts, level, replicates, seed)
 
 

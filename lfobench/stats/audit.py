@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
 
 from lfobench.contract.publication import PrintedMean, PublishedRow, TableOfMeans
 from lfobench.stats.audit_effects import Effect, effects
+from lfobench.stats.comparison import p_value
 from lfobench.stats.contradictions import Contradiction, contradictions_of_highlights, contradictions_of_means
 from lfobench.stats.correction import adjusted
-from lfobench.stats.highlight import Outcome, Rule, highlights
+from lfobench.stats.highlight import Outcome, Rule, highlights, places
 from lfobench.stats.names import Correction
 from lfobench.stats.sample import Sample
 from lfobench.stats.summary import Summary
 
 LARGEST_N_TRIED = 30
+
+_SPREADS_TRIED = 5
+"""Between the smallest and the largest spread that print alike."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +33,11 @@ class AuditedRow:
         printed: the methods that the table highlights; None where it marks none of them, by 1 or by 0.
         ruled: the methods that the rule highlights.
         outcome: what the rule says of best against second best.
-        p: two-sided p-value of best against second best; None where there was no test.
+        p: two-sided p-value of best against second best, a spread printed as 0 taken for the largest that prints so;
+            None where there was no test.
+        p_range: the smallest and the largest p that spreads give which print as these, with the means as printed; None
+            likewise.
+        decided: whether all of those are on one side of the rule's level.
         holm: `p` adjusted by Holm over the rows tested.
         bh: `p` adjusted by Benjamini and Hochberg.
     """
@@ -36,13 +47,15 @@ class AuditedRow:
     ruled: frozenset[str]
     outcome: Outcome
     p: float | None
+    p_range: tuple[float, float] | None
+    decided: bool
     holm: float | None
     bh: float | None
 
     @property
     def follows(self) -> bool | None:
-        """Whether the printed highlight is the rule's; None where nothing is printed or nothing was tested."""
-        return None if self.printed is None or self.p is None else self.printed == self.ruled
+        """Whether the printed highlight is the rule's; None where none is printed or the numbers do not decide."""
+        return None if self.printed is None or not self.decided else self.printed == self.ruled
 
     def adjusted(self, correction: Correction) -> float | None:
         """`p` under a correction."""
@@ -50,7 +63,7 @@ class AuditedRow:
 
     def survives(self, adjusted_p: float | None, alpha: float) -> bool:
         """Whether best and second best are told apart, and still are by `adjusted_p`."""
-        return self.p is not None and adjusted_p is not None and self.p < alpha and adjusted_p < alpha
+        return self.decided and self.p is not None and adjusted_p is not None and max(self.p, adjusted_p) < alpha
 
 
 @dataclass(frozen=True)
@@ -76,6 +89,11 @@ class AuditAtN:
     def tested(self) -> list[AuditedRow]:
         """Rows with a test."""
         return [row for row in self.rows if row.p is not None]
+
+    @property
+    def undecided_by_print(self) -> list[AuditedRow]:
+        """Rows with a test whose outcome depends on digits that are not printed."""
+        return [row for row in self.tested if not row.decided]
 
     @property
     def winners(self) -> list[AuditedRow]:
@@ -146,7 +164,12 @@ def printed_highlights(cells: Mapping[str, bool | None]) -> frozenset[str] | Non
 
 
 def _at_n(table: TableOfMeans, compared: Sequence[str], rule: Rule, n: int | None) -> AuditAtN:
-    found = highlights([_samples(row, compared, n) for row in table.rows], rule)
+    samples = [_samples(row, compared, n) for row in table.rows]
+    found = highlights(samples, rule)
+    ranges = [
+        None if highlight.p is None else _p_range(row, of_row, rule)
+        for row, of_row, highlight in zip(table.rows, samples, found, strict=True)
+    ]
     tested = [highlight.p for highlight in found if highlight.p is not None]
     holm, bh = iter(adjusted(tested, "holm")), iter(adjusted(tested, "bh"))
     rows = [
@@ -156,12 +179,39 @@ def _at_n(table: TableOfMeans, compared: Sequence[str], rule: Rule, n: int | Non
             highlight.methods,
             highlight.outcome,
             highlight.p,
+            p_range,
+            p_range is not None and not p_range[0] < rule.alpha <= p_range[1],
             None if highlight.p is None else next(holm),
             None if highlight.p is None else next(bh),
         )
-        for row, highlight in zip(table.rows, found, strict=True)
+        for row, highlight, p_range in zip(table.rows, found, ranges, strict=True)
     ]
     return AuditAtN(n, tuple(rows), rule.alpha)
+
+
+def _p_range(row: PublishedRow[PrintedMean], samples: Mapping[str, Sample], rule: Rule) -> tuple[float, float]:
+    """The smallest and the largest p of best against second best, the largest of those that share second place."""
+    best, *others = places(samples, rule.test)
+    pairs = list(combinations(best, 2)) or [(best[0], second) for second in others[0]]
+    ranges = [_p_range_of(rule, *((row.cells[method], samples[method].summary) for method in pair)) for pair in pairs]
+    return max(low for low, _ in ranges), max(high for _, high in ranges)
+
+
+def _p_range_of(rule: Rule, *sides: tuple[PrintedMean, Summary]) -> tuple[float, float]:
+    """Over a grid: Welch's p need not grow with a spread, which adds degrees of freedom too."""
+    (one, first), (two, second) = sides
+    assert one.spreads is not None and two.spreads is not None
+    found = [
+        p
+        for std_first in np.linspace(*one.spreads, _SPREADS_TRIED)
+        for std_second in np.linspace(*two.spreads, _SPREADS_TRIED)
+        if (p := p_value(rule.test, _with(first, std_first), _with(second, std_second))) is not None
+    ]
+    return min(found), max(found)
+
+
+def _with(summary: Summary, std: float) -> Sample:
+    return Sample(replace(summary, std=float(std)))
 
 
 def _samples(row: PublishedRow[PrintedMean], compared: Sequence[str], n: int | None) -> dict[str, Sample]:
@@ -174,7 +224,7 @@ def _samples(row: PublishedRow[PrintedMean], compared: Sequence[str], n: int | N
 
 def _summary(cell: PrintedMean, n: int | None) -> Summary:
     # A single sample, or a number of unknown size, has no spread that a test could use.
-    return Summary(n or 1, cell.mean, cell.std if n is not None and n > 1 else None)
+    return Summary(n or 1, cell.mean, cell.spread if n is not None and n > 1 else None)
 
 
 def _printed(row: PublishedRow[PrintedMean], compared: Sequence[str]) -> frozenset[str] | None:
@@ -182,13 +232,19 @@ def _printed(row: PublishedRow[PrintedMean], compared: Sequence[str]) -> frozens
 
 
 def _reproducing(table: TableOfMeans, compared: Sequence[str], rule: Rule) -> tuple[int, ...]:
-    if all(_printed(row, compared) is None for row in table.rows):
-        return ()
-    return tuple(
-        n
-        for n in range(2, LARGEST_N_TRIED + 1)
-        if (judged := _at_n(table, compared, rule, n).judged) and all(row.follows for row in judged)
-    )
+    """By the printed numbers themselves, whether or not others that print alike would decide otherwise."""
+    printed = [_printed(row, compared) for row in table.rows]
+    reproducing = []
+    for n in range(2, LARGEST_N_TRIED + 1):
+        found = highlights([_samples(row, compared, n) for row in table.rows], rule)
+        judged = [
+            marked == highlight.methods
+            for marked, highlight in zip(printed, found, strict=True)
+            if marked is not None and highlight.p is not None
+        ]
+        if judged and all(judged):
+            reproducing.append(n)
+    return tuple(reproducing)
 
 
 def _at_their_word(table: TableOfMeans) -> TableOfMeans:

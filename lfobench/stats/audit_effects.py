@@ -1,6 +1,7 @@
 """How many samples the printed differences of a table would have needed.
 
-The printed difference and spreads are taken for the true ones where seeds are counted. Such an estimate is itself
+The printed difference and spreads are taken for the true ones where seeds are counted; a spread printed as 0 for the
+largest that prints so. Such an estimate is itself
 uncertain, and too small where a difference was published because it was large: J. M. Hoenig, D. M. Heisey, "The abuse
 of power", The American Statistician 55, 2001.
 """
@@ -60,10 +61,11 @@ def _best_and_seconds(row: PublishedRow[PrintedMean], compared: Sequence[str]) -
 
 def _effect(row: PublishedRow[PrintedMean], best: str, second: str, alpha: float, tests: int) -> Effect:
     first, other = row.cells[best], row.cells[second]
-    assert first.std is not None and other.std is not None
+    assert first.spread is not None and other.spread is not None
     difference = first.mean - other.mean
     needed, by_holm = (
-        seeds_needed_for(difference, first.std, other.std, POWER, level, MOST_SEEDS) for level in (alpha, alpha / tests)
+        seeds_needed_for(difference, first.spread, other.spread, POWER, level, MOST_SEEDS)
+        for level in (alpha, alpha / tests)
     )
     return Effect(best, second, difference, needed, by_holm)
 

@@ -17,6 +17,8 @@ References:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,10 +26,13 @@ from lfobench.stats import permutation
 from lfobench.stats.names import HighlightTest, Test
 from lfobench.stats.proportions import fisher_test
 from lfobench.stats.sample import Sample, counted
-from lfobench.stats.summary import Summary, summarize
+from lfobench.stats.summary import Summary, difference, summarize, tie
 
 PAIRED: frozenset[Test] = frozenset({"paired-t", "wilcoxon", "paired-permutation"})
 """Tests over common start states."""
+
+T_TESTS: frozenset[HighlightTest] = frozenset({"welch", "student", "paired-t"})
+"""Tests that estimate a spread, and have none to estimate where scores, or the differences of pairs, are all equal."""
 
 FROM_SUMMARIES: frozenset[Test] = frozenset({"welch", "student"})
 """Tests that need no more than n, mean and standard deviation, as published tables give them."""
@@ -57,6 +62,26 @@ def p_value(test: HighlightTest, first: Sample, second: Sample) -> float | None:
     return permutation.rank_sum_test(one, two) if test == "mann-whitney" else permutation.permutation_test(one, two)
 
 
+def margin(test: HighlightTest, first: Sample, second: Sample) -> float:
+    """By how many points the first side leads in its mean score or pooled success rate; 0 where the two are level.
+
+    Raises:
+        ValueError: `fisher`, and a sample without counts.
+    """
+    if test == "fisher":
+        return 100.0 * (counted(first).pooled.rate - counted(second).pooled.rate)
+    return difference(first.summary, second.summary)
+
+
+def without_spread(test: HighlightTest, first: Sample, second: Sample) -> bool:
+    """Whether a t-test of the two has no estimate of any spread, so that its p, 0 or 1, is a limit."""
+    if test not in T_TESTS:
+        return False
+    if test in PAIRED:
+        return len(first.starts) == len(second.starts) > 1 and _differences(first.starts, second.starts).std == 0.0
+    return first.summary.std == second.summary.std == 0.0
+
+
 def welch_test(first: Summary, second: Summary) -> float | None:
     """p-value of Welch's t-test that two means are equal; variances may differ.
 
@@ -76,17 +101,17 @@ def student_test(first: Summary, second: Summary) -> float | None:
 def _t_test(first: Summary, second: Summary, *, equal_variances: bool) -> float | None:
     if first.std is None or second.std is None:
         return None
-    difference = first.mean - second.mean
+    apart = difference(first, second)
     # The test is scale invariant; working in units of the larger spread keeps squares from underflowing.
     unit = max(first.std, second.std)
     if unit == 0.0:
-        return 1.0 if difference == 0.0 else 0.0
+        return 1.0 if apart == 0.0 else 0.0
 
     # scipy.stats takes most of a second to import, which `lfobench --help` should not pay.
     from scipy.stats import ttest_ind_from_stats
 
     result = ttest_ind_from_stats(
-        difference / unit,
+        apart / unit,
         first.std / unit,
         first.n,
         0.0,
@@ -103,10 +128,16 @@ def _paired(test: Test, first: NDArray[np.float64], second: NDArray[np.float64])
     if test == "paired-permutation":
         return permutation.sign_flip_test(first, second)
     # Differences that share a mean but no spread: the same limit as in `welch_test`.
-    summary = summarize((first - second).tolist())
-    paired = welch_test(summary, Summary(2, 0.0, 0.0))
+    paired = welch_test(_differences(first.tolist(), second.tolist()), Summary(2, 0.0, 0.0))
     assert paired is not None
     return paired
+
+
+def _differences(first: Sequence[float], second: Sequence[float]) -> Summary:
+    """Of pairs ``[K]``, K at least 2; those that are level differ by 0."""
+    level = tie(first, second)
+    between = [one - two for one, two in zip(first, second, strict=True)]
+    return summarize([0.0 if abs(each) <= level else each for each in between], level)
 
 
 def _scores(test: Test, scores: tuple[float, ...]) -> NDArray[np.float64]:

@@ -98,7 +98,7 @@ def _same(one: PrintedMean | PrintedCount, other: PrintedMean | PrintedCount) ->
 
 def _spreads(row: PublishedRow[PrintedMean], scales: Sequence[ScoreScale], n_values: Sequence[int]) -> Iterator[str]:
     for method, cell in row.cells.items():
-        if cell.std is None or cell.std_digit is None:
+        if cell.std is None or cell.spreads is None:
             continue
         if cell.n == 1:
             yield f"{method} has a spread, {cell.std:g}, and one sample, which has none"
@@ -109,7 +109,7 @@ def _spreads(row: PublishedRow[PrintedMean], scales: Sequence[ScoreScale], n_val
                 continue
             # Two samples spread most; no size allows more than that.
             largest = _largest_std(cell, scale, min(sizes, default=2))
-            if cell.std - cell.std_digit / 2.0 > largest:
+            if cell.spreads[0] > largest:
                 yield (
                     f"{method} prints {cell.mean:g} ± {cell.std:g}, and scores from {scale.low:g} to {scale.high:g} "
                     f"with that mean have a standard deviation of at most {largest:.3g}"

@@ -19,13 +19,14 @@ import numpy as np
 
 from lfobench.stats.aggregates import interquartile_statistic, probability_of_improvement
 from lfobench.stats.bootstrap import REPLICATES, Counts, Strata, Values, bootstrap, percentile_interval, strata
-from lfobench.stats.comparison import PAIRED, p_value
+from lfobench.stats.comparison import PAIRED, margin, p_value, without_spread
 from lfobench.stats.correction import adjusted
 from lfobench.stats.feasibility import can_reach, smallest_p
 from lfobench.stats.highlight import Rule
 from lfobench.stats.intervals import Estimate, Interval, check_probability, welch_interval
 from lfobench.stats.names import HighlightTest, Verdict
-from lfobench.stats.sample import Sample
+from lfobench.stats.proportions import newcombe_interval
+from lfobench.stats.sample import Sample, counted
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -40,26 +41,27 @@ class Comparison:
     Attributes:
         subject: its scores.
         reference: those that they are held against.
-        interval: Welch's, of the difference at level 1 - α, for this cell alone; None where a side has one seed.
+        difference: mean of the subject minus mean of the reference, in points, or success rate minus success rate where
+            counts are compared; 0 where the sides are level.
+        interval: of the difference at level 1 - α, for this cell alone: Welch's, and None where a side has one seed; of
+            success rates Newcombe's.
         p: two-sided p-value of the rule's test; None where there is no test.
         adjusted_p: `p` corrected over all cells tested.
         outcome: `better` or `worse`, by the sign of the difference, where `adjusted_p` is below α.
         reachable: whether any scores of so many seeds could have led to a verdict, even with all the other cells as
             clear as can be.
+        without_spread: whether `p` is a limit, for want of any spread that a t-test could estimate.
     """
 
     subject: Sample
     reference: Sample
+    difference: float
     interval: Interval | None
     p: float | None
     adjusted_p: float | None
     outcome: Outcome
     reachable: bool
-
-    @property
-    def difference(self) -> float:
-        """Mean of the subject minus mean of the reference, in points."""
-        return self.subject.summary.mean - self.reference.summary.mean
+    without_spread: bool
 
 
 @dataclass(frozen=True)
@@ -98,12 +100,9 @@ def contrast(pairs: Mapping[Key, tuple[Sample, Sample]], rule: Rule, replicates:
     """The subject's sample of every cell against the reference's; a higher score is better.
 
     Raises:
-        ValueError: the rule's test needs scores that a sample lacks or compares no scores at all, or α is not strictly
-            between 0 and 1.
+        ValueError: the rule's test needs scores or counts that a sample lacks, or α is not strictly between 0 and 1.
     """
     check_probability("alpha", rule.alpha)
-    if rule.test == "fisher":
-        raise ValueError("'fisher' compares success counts, and a contrast is one of scores.")
     p_values = {key: p_value(rule.test, *pair) for key, pair in pairs.items()}
     tested = {key: p for key, p in p_values.items() if p is not None}
     corrected = dict(zip(tested, adjusted(list(tested.values()), rule.correction), strict=True))
@@ -115,7 +114,9 @@ def contrast(pairs: Mapping[Key, tuple[Sample, Sample]], rule: Rule, replicates:
 
 
 def scores_compared(test: HighlightTest, sample: Sample) -> int:
-    """How many scores of a sample a test looks at: start states for a paired test, else seeds."""
+    """How many scores of a sample a test looks at: start states where paired, episodes for `fisher`, else seeds."""
+    if test == "fisher":
+        return counted(sample).pooled.trials
     return len(sample.starts) if test in PAIRED else sample.summary.n
 
 
@@ -127,7 +128,7 @@ def best_p(comparison: Comparison, test: HighlightTest) -> float | None:
 def _comparison(
     subject: Sample, reference: Sample, p: float | None, adjusted_p: float | None, tested: int, rule: Rule
 ) -> Comparison:
-    difference = subject.summary.mean - reference.summary.mean
+    difference = margin(rule.test, subject, reference)
     outcome: Outcome = "undecided"
     if adjusted_p is None:
         outcome = "untested"
@@ -137,12 +138,22 @@ def _comparison(
     return Comparison(
         subject,
         reference,
-        welch_interval(subject.summary, reference.summary, 1.0 - rule.alpha),
+        difference,
+        _interval(subject, reference, rule),
         p,
         adjusted_p,
         outcome,
         p is not None and can_reach(rule.test, *sizes, rule.alpha, tested, rule.correction),
+        p is not None and without_spread(rule.test, subject, reference),
     )
+
+
+def _interval(subject: Sample, reference: Sample, rule: Rule) -> Interval | None:
+    if rule.test != "fisher":
+        return welch_interval(subject.summary, reference.summary, 1.0 - rule.alpha)
+    one, two = counted(subject).pooled, counted(reference).pooled
+    found = newcombe_interval(one.successes, one.trials, two.successes, two.trials, 1.0 - rule.alpha)
+    return Interval(100.0 * found.low, 100.0 * found.high, found.level)
 
 
 def _aggregate(pairs: Mapping[Key, tuple[Sample, Sample]], level: float, replicates: int) -> Aggregate[Key] | None:

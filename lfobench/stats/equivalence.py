@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from lfobench.stats.intervals import Interval, around, check_probability, satterthwaite, welch_interval
 from lfobench.stats.names import Agreement
-from lfobench.stats.summary import Summary
+from lfobench.stats.summary import Summary, difference
 
 
 @dataclass(frozen=True)
@@ -47,18 +47,18 @@ def equivalence_test(first: Summary, second: Summary, margin: float, alpha: floa
     check_probability("2 alpha", 2.0 * alpha)
     if not 0.0 < margin < math.inf:
         raise ValueError(f"A margin is positive and finite; got {margin}.")
-    difference = first.mean - second.mean
+    apart = difference(first, second)
     interval = welch_interval(first, second, 1.0 - alpha)
     if first.std is None or second.std is None or interval is None:
-        return EquivalenceResult(difference, None, None, "undecided")
+        return EquivalenceResult(apart, None, None, "undecided")
     standard_error, degrees = satterthwaite(first.std, first.n, second.std, second.n)
-    p = _larger_p(margin - abs(difference), standard_error, degrees)
+    p = _larger_p(margin - abs(apart), standard_error, degrees)
     agreement: Agreement = "undecided"
     if p < alpha:
         agreement = "matches"
     elif not interval.low <= 0.0 <= interval.high:
         agreement = "differs"
-    return EquivalenceResult(difference, around(difference, standard_error, degrees, 1.0 - 2.0 * alpha), p, agreement)
+    return EquivalenceResult(apart, around(apart, standard_error, degrees, 1.0 - 2.0 * alpha), p, agreement)
 
 
 def _larger_p(room: float, standard_error: float, degrees: float) -> float:

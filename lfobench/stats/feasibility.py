@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from math import comb
 
-from lfobench.stats.comparison import PAIRED
+from lfobench.stats.comparison import PAIRED, T_TESTS
 from lfobench.stats.names import Correction, HighlightTest
 from lfobench.stats.permutation import EXACT_RELABELLINGS, RANDOM_RELABELLINGS
-
-_T_TESTS = frozenset({"welch", "student", "paired-t"})
 
 
 def smallest_p(test: HighlightTest, n: int, m: int) -> float | None:
@@ -24,7 +22,7 @@ def smallest_p(test: HighlightTest, n: int, m: int) -> float | None:
         return (2 if n == m else 1) / comb(n + m, n) if min(n, m) > 0 else None
     if min(n, m) < 2:
         return None
-    if test in _T_TESTS:
+    if test in T_TESTS:
         return 0.0
     relabellings = 2**n if test in PAIRED else comb(n + m, n)
     if relabellings <= EXACT_RELABELLINGS:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Generic, Literal, TypeVar
 
-from lfobench.stats.comparison import p_value
+from lfobench.stats.comparison import margin, p_value, without_spread
 from lfobench.stats.correction import adjusted
 from lfobench.stats.names import Correction, HighlightTest, Scope
 from lfobench.stats.sample import Sample, counted
@@ -58,6 +58,7 @@ class Highlight(Generic[Method]):
         p: two-sided p-value of best against second best; None where there was no test.
         adjusted_p: `p` corrected for the rows tested: as the rule says, by Holm where it says none.
         lost: whether one method is best, `p` alone is below alpha and `adjusted_p` is not.
+        without_spread: whether `p` is a limit, for want of any spread that a t-test could estimate.
     """
 
     methods: frozenset[Method]
@@ -66,6 +67,7 @@ class Highlight(Generic[Method]):
     p: float | None
     adjusted_p: float | None
     lost: bool
+    without_spread: bool = False
 
 
 @dataclass(frozen=True)
@@ -75,15 +77,15 @@ class _Row(Generic[Method]):
     best: frozenset[Method]
     level: frozenset[Method]
     p: float | None
+    without_spread: bool
 
 
 def highlights(rows: Sequence[Mapping[Method, Sample]], rule: Rule) -> list[Highlight[Method]]:
     """Highlights the rows of one table, given the samples of the methods in scope (higher is better).
 
-    Methods that tie exactly for second best share that place and are all compared with the best (p is then
-    the largest of theirs). Methods that tie exactly for best are compared with each other (p is again the largest)
-    and none of them stands out, whatever a test of something else than the mean says. So the outcome does not
-    depend on the order of the columns.
+    Methods that share second place are all compared with the best (p is then the largest of theirs). Methods that share
+    the first are compared with each other (p is again the largest) and none of them stands out, whatever a test of
+    something else than the mean says. So the outcome does not depend on the order of the columns.
 
     Raises:
         ValueError: the rule's test needs scores or counts that a sample lacks.
@@ -102,29 +104,45 @@ def highlights(rows: Sequence[Mapping[Method, Sample]], rule: Rule) -> list[High
     ]
 
 
+def places(row: Mapping[Method, Sample], test: HighlightTest) -> list[list[Method]]:
+    """The methods of a row by place, the best first; those that differ by rounding alone share one.
+
+    By mean score, or by success rate for `fisher`.
+
+    Raises:
+        ValueError: `fisher`, and a sample without counts.
+    """
+    found: list[list[Method]] = []
+    for method in sorted(row, key=lambda each: -_merit(row[each], test)):
+        if found and margin(test, row[found[-1][0]], row[method]) == 0.0:
+            found[-1].append(method)
+        else:
+            found.append([method])
+    return found
+
+
+def _merit(sample: Sample, test: HighlightTest) -> float:
+    return counted(sample).pooled.rate if test == "fisher" else sample.summary.mean
+
+
 def _compare(row: Mapping[Method, Sample], rule: Rule) -> _Row[Method] | None:
     """None where nothing can be best: fewer than two methods, or no success counted."""
     if len(row) < 2:
         return None
-    means = {method: _merit(sample, rule.test) for method, sample in row.items()}
-    first, *others = sorted(row, key=lambda method: -means[method])
-    if rule.test == "fisher" and means[first] == 0.0:
+    best, *others = places(row, rule.test)
+    if rule.test == "fisher" and _merit(row[best[0]], rule.test) == 0.0:
         return None
-    best = [method for method in row if means[method] == means[first]]
-    if len(best) > 1:
-        among = [p_value(rule.test, row[one], row[two]) for one, two in combinations(best, 2)]
-        return _Row(frozenset(best), frozenset(best), _largest(among))
-    seconds = [method for method in row if means[method] == means[others[0]]]
-    against = [p_value(rule.test, row[first], row[method]) for method in seconds]
-    largest = _largest(against)
-    # Several may share second place and only some of them be level with the best.
-    level = {method for method, p in zip(seconds, against, strict=True) if p is not None and p >= rule.alpha}
-    return _Row(frozenset(best), frozenset({first, *(level if level and largest is not None else seconds)}), largest)
-
-
-def _merit(sample: Sample, test: HighlightTest) -> float:
-    """What makes a method the best of its row."""
-    return counted(sample).pooled.rate if test == "fisher" else sample.summary.mean
+    pairs = list(combinations(best, 2)) or [(best[0], second) for second in others[0]]
+    p_values = [p_value(rule.test, row[one], row[two]) for one, two in pairs]
+    largest = _largest(p_values)
+    level = frozenset(best)
+    if len(best) == 1:
+        # Several may share second place and only some of them be level with the best.
+        near = [two for (_, two), p in zip(pairs, p_values, strict=True) if p is not None and p >= rule.alpha]
+        level |= frozenset(near if near and largest is not None else others[0])
+    return _Row(
+        frozenset(best), level, largest, all(without_spread(rule.test, row[one], row[two]) for one, two in pairs)
+    )
 
 
 def _largest(p_values: Sequence[float | None]) -> float | None:
@@ -137,5 +155,5 @@ def _decide(row: _Row[Method], p: float, corrected: float, adjusted_p: float, al
     alone = len(row.best) == 1
     lost = alone and p < alpha <= adjusted_p
     if alone and corrected < alpha:
-        return Highlight(row.best, "better", row.best, p, adjusted_p, lost)
-    return Highlight(row.level, "undecided", row.best, p, adjusted_p, lost)
+        return Highlight(row.best, "better", row.best, p, adjusted_p, lost, row.without_spread)
+    return Highlight(row.level, "undecided", row.best, p, adjusted_p, lost, row.without_spread)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lfobench.stats.summary import Summary
+from lfobench.stats.summary import Summary, difference
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def t_interval(summary: Summary, level: float = 0.95) -> Interval | None:
 
 
 def welch_interval(first: Summary, second: Summary, level: float = 0.95) -> Interval | None:
-    """Welch's interval of ``first.mean - second.mean``; the variances may differ.
+    """Welch's interval of ``first.mean - second.mean``, 0 where they are level; the variances may differ.
 
     The interval at level 1 - α excludes 0 exactly when Welch's two-sided test has p < α. None when a side has
     fewer than two samples. A spread of 0 on both sides gives a point.
@@ -76,7 +76,7 @@ def welch_interval(first: Summary, second: Summary, level: float = 0.95) -> Inte
     if first.std is None or second.std is None:
         return None
     standard_error, degrees = satterthwaite(first.std, first.n, second.std, second.n)
-    return around(first.mean - second.mean, standard_error, degrees, level)
+    return around(difference(first, second), standard_error, degrees, level)
 
 
 def satterthwaite(std_first: float, n_first: int, std_second: float, n_second: int) -> tuple[float, float]:

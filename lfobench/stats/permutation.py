@@ -16,6 +16,8 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
+from lfobench.stats.summary import tie
+
 Vector = NDArray[np.float64]
 
 EXACT_RELABELLINGS = 200_000
@@ -23,10 +25,6 @@ EXACT_RELABELLINGS = 200_000
 
 RANDOM_RELABELLINGS = 100_000
 """Beyond, this many are drawn, with a fixed seed: the same data give the same p."""
-
-# Numbers that are equal but for rounding count as ties: in units of the largest score, because it is the scores
-# that are rounded, however close together they lie.
-_TIE = 1e-12
 
 
 def permutation_test(first: Vector, second: Vector) -> float:
@@ -44,15 +42,16 @@ def rank_sum_test(first: Vector, second: Vector) -> float:
     """
     from scipy.stats import mannwhitneyu, rankdata
 
-    if comb(len(first) + len(second), len(first)) > EXACT_RELABELLINGS:
-        both = np.concatenate([first, second])
-        return 1.0 if np.ptp(both) == 0 else float(mannwhitneyu(first, second, method="asymptotic").pvalue)
-    return _relabelled(rankdata(np.concatenate([first, second])), len(first))
+    both = levels(np.concatenate([first, second]), tie(first, second))
+    if comb(len(both), len(first)) > EXACT_RELABELLINGS:
+        one, two = both[: len(first)], both[len(first) :]
+        return 1.0 if np.ptp(both) == 0 else float(mannwhitneyu(one, two, method="asymptotic").pvalue)
+    return _relabelled(rankdata(both), len(first))
 
 
 def sign_flip_test(first: Vector, second: Vector) -> float:
     """Two-sided p-value that the differences of ``[K]`` pairs are symmetric about 0, by their sum."""
-    return _flipped(first - second, _tie(first, second))
+    return _flipped(first - second, tie(first, second))
 
 
 def signed_rank_test(first: Vector, second: Vector) -> float:
@@ -62,28 +61,23 @@ def signed_rank_test(first: Vector, second: Vector) -> float:
     """
     from scipy.stats import rankdata, wilcoxon
 
-    differences, tie = first - second, _tie(first, second)
-    nonzero = differences[np.abs(differences) > tie]
+    differences, apart = first - second, tie(first, second)
+    nonzero = differences[np.abs(differences) > apart]
     if not len(nonzero):
         return 1.0
-    signed = np.sign(nonzero) * _levels(np.abs(nonzero), tie)
+    signed = np.sign(nonzero) * levels(np.abs(nonzero), apart)
     if 2 ** len(nonzero) > EXACT_RELABELLINGS:
         return float(wilcoxon(signed, method="approx").pvalue)
     ranks = np.sign(signed) * rankdata(np.abs(signed))
-    return _flipped(ranks, _tie(ranks))
+    return _flipped(ranks, tie(ranks))
 
 
-def _tie(*scores: Vector) -> float:
-    """The largest difference that is none, between sums of these scores."""
-    return _TIE * max(float(np.abs(values).max()) for values in scores)
-
-
-def _levels(magnitudes: Vector, tie: float) -> Vector:
-    """Whole numbers from 1 in the order of `magnitudes` ``[K]``, equal for those that tie."""
-    order = np.argsort(magnitudes)
-    levels = np.empty(len(magnitudes))
-    levels[order] = 1 + np.cumsum(np.diff(magnitudes[order], prepend=magnitudes[order[0]]) > tie)
-    return levels
+def levels(scores: Vector, apart: float) -> Vector:
+    """Whole numbers from 1 in the order of scores ``[K]``, equal for neighbours that differ by no more than `apart`."""
+    order = np.argsort(scores)
+    found = np.empty(len(scores))
+    found[order] = 1 + np.cumsum(np.diff(scores[order], prepend=scores[order[0]]) > apart)
+    return found
 
 
 def _relabelled(values: Vector, n: int) -> float:
@@ -95,24 +89,24 @@ def _relabelled(values: Vector, n: int) -> float:
     centred, smaller = np.sort(centred), min(n, len(values) - n)
     if comb(len(values), n) <= EXACT_RELABELLINGS:
         sums = centred[_groups(len(values), smaller)].sum(axis=1)
-        return _share(np.abs(sums), observed, _tie(values), 0)
+        return _share(np.abs(sums), observed, tie(values), 0)
     generator = np.random.default_rng(0)
     orders = np.argsort(generator.random((RANDOM_RELABELLINGS, len(values))), axis=1)[:, :smaller]
-    return _share(np.abs(centred[orders].sum(axis=1)), observed, _tie(values), 1)
+    return _share(np.abs(centred[orders].sum(axis=1)), observed, tie(values), 1)
 
 
-def _flipped(differences: Vector, tie: float) -> float:
+def _flipped(differences: Vector, apart: float) -> float:
     count = len(differences)
     if 2**count <= EXACT_RELABELLINGS:
         signs, extra = _sign_patterns(count), 0
     else:
         signs, extra = np.random.default_rng(0).choice([-1.0, 1.0], size=(RANDOM_RELABELLINGS, count)), 1
-    return _share(np.abs(signs @ differences), abs(differences.sum()), tie, extra)
+    return _share(np.abs(signs @ differences), abs(differences.sum()), apart, extra)
 
 
-def _share(statistics: Vector, observed: float, tie: float, extra: int) -> float:
+def _share(statistics: Vector, observed: float, apart: float, extra: int) -> float:
     """Share of relabellings at least as far out as the observed one, itself counted `extra` times more."""
-    return float((np.count_nonzero(statistics >= observed - tie) + extra) / (len(statistics) + extra))
+    return float((np.count_nonzero(statistics >= observed - apart) + extra) / (len(statistics) + extra))
 
 
 @lru_cache(maxsize=8)

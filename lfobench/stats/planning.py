@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from lfobench.stats.feasibility import can_reach
 from lfobench.stats.intervals import Interval, check_probability
 from lfobench.stats.names import Correction, HighlightTest
-from lfobench.stats.power import power_for, seeds_needed_for
+from lfobench.stats.power import detectable_difference, seeds_needed_for
 from lfobench.stats.summary import Summary
 
 MOST = 1000
@@ -139,30 +139,6 @@ def std_bound(summary: Summary, confidence: float = BOUND) -> float | None:
     """
     check_probability("confidence", confidence)
     return _std_at(summary, confidence)
-
-
-def detectable_difference(std_first: float, std_second: float, n: int, power: float, alpha: float) -> float | None:
-    """The smallest difference, in points, that `n` seeds per method show with this power; None for n < 2.
-
-    The inverse of `power.power_for`; 0 where chance alone reaches the power, or without any spread.
-
-    Raises:
-        ValueError: as `power.power_for`, or `power` is not strictly between 0 and 1.
-    """
-    check_probability("power", power)
-    if n < 2:
-        return None
-    unit = max(std_first, std_second)
-    if unit == 0.0 or power <= alpha:
-        return 0.0
-    from scipy.optimize import brentq
-
-    one, two = std_first / unit, std_second / unit
-    high = 1.0
-    while power_for(high, one, two, n, alpha) < power:
-        high *= 2.0
-    found = brentq(lambda difference: power_for(difference, one, two, n, alpha) - power, 0.0, high, xtol=1e-9)
-    return float(found) * unit
 
 
 def _std_at(summary: Summary, confidence: float) -> float | None:

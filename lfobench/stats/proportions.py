@@ -6,6 +6,8 @@ narrow and p-values too small; `successes.variance_inflation` says by how much.
 References:
     E. B. Wilson, "Probable inference, the law of succession, and statistical inference", Journal of the American
     Statistical Association 22, 1927.
+    R. G. Newcombe, "Interval estimation for the difference between independent proportions: comparison of eleven
+    methods", Statistics in Medicine 17, 1998: method 10, which combines two of Wilson's intervals.
     R. A. Fisher, "The logic of inductive inference", Journal of the Royal Statistical Society 98, 1935.
     R. D. Boschloo, "Raised conditional level of significance for the 2 × 2-table when testing the equality of two
     probabilities", Statistica Neerlandica 24, 1970.
@@ -41,6 +43,21 @@ def wilson_interval(successes: int, trials: int, level: float = 0.95) -> Interva
     low = 0.0 if successes == 0 else centre - half_width
     high = 1.0 if successes == trials else centre + half_width
     return Interval(low, high, level)
+
+
+def newcombe_interval(
+    successes_a: int, trials_a: int, successes_b: int, trials_b: int, level: float = 0.95
+) -> Interval:
+    """Newcombe's hybrid score interval of the first success rate minus the second, between -1 and 1.
+
+    Raises:
+        ValueError: as `wilson_interval`.
+    """
+    one, two = wilson_interval(successes_a, trials_a, level), wilson_interval(successes_b, trials_b, level)
+    rate_a, rate_b = successes_a / trials_a, successes_b / trials_b
+    low = math.hypot(rate_a - one.low, two.high - rate_b)
+    high = math.hypot(one.high - rate_a, rate_b - two.low)
+    return Interval(rate_a - rate_b - low, rate_a - rate_b + high, level)
 
 
 def fisher_test(successes_a: int, trials_a: int, successes_b: int, trials_b: int) -> float:

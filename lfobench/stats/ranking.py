@@ -17,12 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.stats.intervals import check_probability
+from lfobench.stats.permutation import levels
+from lfobench.stats.summary import tie
 
 
 def average_ranks(scores: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean rank of each method ``[methods]`` over the tasks of scores ``[tasks, methods]``.
 
-    The highest score of a task has rank 1; tied scores share the mean of their ranks.
+    The highest score of a task has rank 1; scores that are level share the mean of their ranks.
 
     Raises:
         ValueError: there is no task or no method, or a score is not finite.
@@ -30,7 +32,7 @@ def average_ranks(scores: NDArray[np.float64]) -> NDArray[np.float64]:
     _check(scores)
     from scipy.stats import rankdata
 
-    return np.asarray(rankdata(-scores, axis=1).mean(axis=0))
+    return np.asarray(rankdata(-_levels(scores), axis=1).mean(axis=0))
 
 
 def friedman_test(scores: NDArray[np.float64]) -> float | None:
@@ -45,6 +47,7 @@ def friedman_test(scores: NDArray[np.float64]) -> float | None:
     tasks, methods = scores.shape
     if methods < 3 or tasks < 2:
         return None
+    scores = _levels(scores)
     if (scores == scores[:, :1]).all():
         return 1.0
     from scipy.stats import friedmanchisquare
@@ -88,6 +91,11 @@ def groups(ranks: Sequence[float] | NDArray[np.float64], difference: float) -> l
             found.append(tuple(order[first:end]))
             reached = end
     return found
+
+
+def _levels(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The scores ``[tasks, methods]`` by their order on each task, equal where they differ by rounding alone."""
+    return np.array([levels(task, tie(task)) for task in scores])
 
 
 def _check(scores: NDArray[np.float64]) -> None:

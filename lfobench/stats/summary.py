@@ -1,11 +1,18 @@
-"""What a table cell says about its samples: how many, their mean and their spread."""
+"""What a table cell says about its samples: how many, their mean and their spread; and when scores are level."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
+from lfobench.contract.statistic import mean
+
+_POINTS = 1e-8
+"""Sums of a thousand rewards differ by less, in points of 100 from random to expert, by the order of their terms."""
+
+_RELATIVE = 1e-12
+"""Of the largest score: numbers of that size are rounded, however close together they lie."""
 
 
 @dataclass(frozen=True)
@@ -24,18 +31,39 @@ class Summary:
     std: float | None
 
 
-def summarize(samples: Sequence[float]) -> Summary:
-    """The summary of finite samples ``[n]``, one per seed.
+def tie(*scores: Iterable[float]) -> float:
+    """The largest difference between such scores, in points, that is none: rounding alone may have made it.
+
+    Every test, every choice of the best and every verdict asks here, so that none rests on such a difference.
+    """
+    return max(_POINTS, _RELATIVE * max((abs(score) for each in scores for score in each), default=0.0))
+
+
+def difference(first: Summary, second: Summary) -> float:
+    """Mean of the first minus mean of the second; 0 where they are level."""
+    between = first.mean - second.mean
+    return 0.0 if abs(between) <= tie((first.mean, second.mean, first.std or 0.0, second.std or 0.0)) else between
+
+
+def summarize(samples: Sequence[float], level: float | None = None) -> Summary:
+    """The summary of finite samples ``[n]``, one per seed, from exact sums: their order plays no part.
+
+    Samples no further apart than `level`, by default their own `tie`, have no spread.
 
     Raises:
-        ValueError: there is no sample, or one is not finite.
+        ValueError: there is no sample, one is not finite, or they are too far apart for floating-point numbers.
     """
-    values = np.asarray(samples, dtype=np.float64)
-    if values.size == 0 or not np.isfinite(values).all():
+    if not samples or not all(map(math.isfinite, samples)):
         raise ValueError(f"A summary needs at least one sample, all finite; got {list(samples)}.")
-    if values.size == 1:
-        return Summary(1, float(values[0]), None)
-    # Rounding in the mean would give equal samples a spread of 1e-17, and a test with it.
-    if values.min() == values.max():
-        return Summary(values.size, float(values[0]), 0.0)
-    return Summary(values.size, float(values.mean()), float(values.std(ddof=1)))
+    centre = mean(samples)
+    if len(samples) == 1:
+        return Summary(1, centre, None)
+    if max(samples) - min(samples) <= (tie(samples) if level is None else level):
+        return Summary(len(samples), centre, 0.0)
+    deviations = [sample - centre for sample in samples]
+    # In units of the largest, squares neither overflow nor vanish.
+    unit = max(map(abs, deviations))
+    std = unit * math.sqrt(math.fsum((each / unit) ** 2 for each in deviations) / (len(samples) - 1))
+    if not math.isfinite(std):
+        raise ValueError(f"The samples lie too far apart to be summarized: {min(samples):g} to {max(samples):g}.")
+    return Summary(len(samples), centre, std)

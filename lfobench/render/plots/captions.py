@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from lfobench.contract.record import Record
+from lfobench.contract.statistic import SUCCESS_RATE
 from lfobench.render.plots.compared import Compared, run_cells
 from lfobench.render.plots.text import plain
 from lfobench.render.score_notes import STATISTICS
@@ -32,6 +34,14 @@ def ends(table: Table) -> str:
 def references(table: Table) -> str:
     """What the thin lines of a panel are."""
     return f"Lines at 0 and 100 are {ends(table)}."
+
+
+def fewer_starts(table: Table, records: Sequence[Record]) -> str:
+    """That learning curves rest on fewer episodes than the score of a run; empty where they do not."""
+    further = any(record.further for record in records if record.status == "finished")
+    if table.statistic != SUCCESS_RATE or not further:
+        return ""
+    return "Evaluations during training are of the fixed test starts alone; a run's score counts further starts too."
 
 
 def run_score(table: Table) -> str:

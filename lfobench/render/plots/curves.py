@@ -10,8 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter, MaxNLocator
 
 from lfobench.contract.record import Record
+from lfobench.contract.statistic import Statistic
 from lfobench.render.columns import arrange_columns
-from lfobench.render.plots.captions import DEMONSTRATION, caption, references, score_label, score_words
+from lfobench.render.plots.captions import DEMONSTRATION, caption, fewer_starts, references, score_label, score_words
 from lfobench.render.plots.compared import LEVEL, demonstration_score, run_columns
 from lfobench.render.plots.figure import PaperFigure
 from lfobench.render.plots.grid import (
@@ -54,7 +55,7 @@ def curves(
     """
     columns = run_columns(table)
     rows = [row for _, row in table.rows()]
-    found = [_panel(columns, records, row.task) for row in rows]
+    found = [_panel(columns, records, row.task, table.statistic) for row in rows]
     shown = [curve for panel in found for curve in panel.values()]
     demonstrations = [demonstration_score(table, row) for row in rows]
     known = [score for score in demonstrations if score is not None]
@@ -88,19 +89,20 @@ def curves(
             if diverged
             else "",
             f"{score_words(table)}. {references(table)}",
+            fewer_starts(table, records),
             DEMONSTRATION if known else "",
             table=table,
         )
     )
 
 
-def _panel(columns: Sequence[Column], records: Sequence[Record], task: str) -> Panel:
+def _panel(columns: Sequence[Column], records: Sequence[Record], task: str, statistic: Statistic) -> Panel:
     on_task = {
         column: [record for record in members if record.task == task]
         for column, members in arrange_columns(records).items()
     }
     steps = evaluated([record for members in on_task.values() for record in members])
-    curves_found = {column: learning_curve(on_task.get(column, []), steps) for column in columns}
+    curves_found = {column: learning_curve(on_task.get(column, []), steps, statistic) for column in columns}
     return {column: curve for column, curve in curves_found.items() if curve is not None}
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lfobench.contract.record import Record
+from lfobench.contract.statistic import Statistic
 from lfobench.render.plots.compared import LEVEL
 from lfobench.stats.intervals import Interval, t_interval
 from lfobench.stats.summary import summarize
@@ -35,12 +36,15 @@ class Curve:
 
 def evaluated(records: Sequence[Record]) -> list[int]:
     """The steps at which any of `records` was evaluated, ascending."""
-    return sorted({step for record in records for step, _ in record.curve()})
+    return sorted({evaluation.step for record in records for evaluation in record.evaluations})
 
 
-def learning_curve(records: Sequence[Record], steps: Sequence[int]) -> Curve | None:
-    """The curve of one cell's `records` over its task's evaluation `steps`; None where it has no score at any."""
-    seeds = {record.seed: _scores(record, steps) for record in records}
+def learning_curve(records: Sequence[Record], steps: Sequence[int], statistic: Statistic) -> Curve | None:
+    """The curve of one cell's `records` over its task's evaluation `steps`; None where it has no score at any.
+
+    Of every evaluation it shows the success rate where `statistic` counts successes, else the mean normalised score.
+    """
+    seeds = {record.seed: _scores(record, steps, statistic) for record in records}
     kept, means, intervals = [], [], []
     for index in range(len(steps)):
         found = [score for scores in seeds.values() if (score := scores[index]) is not None]
@@ -60,8 +64,8 @@ def learning_curve(records: Sequence[Record], steps: Sequence[int]) -> Curve | N
     )
 
 
-def _scores(record: Record, steps: Sequence[int]) -> list[float | None]:
-    measured: dict[int, float] = dict(record.curve())
+def _scores(record: Record, steps: Sequence[int], statistic: Statistic) -> list[float | None]:
+    measured: dict[int, float] = dict(record.curve(statistic))
     if record.status != "diverged":
         return [measured.get(step) for step in steps]
     end = _end(record)
@@ -72,4 +76,4 @@ def _end(record: Record) -> int:
     """The step of divergence; where the record does not say, the last evaluation's, or the start."""
     if record.diverged_at is not None:
         return record.diverged_at
-    return max((step for step, _ in record.curve()), default=0)
+    return max((evaluation.step for evaluation in record.evaluations), default=0)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from lfobench.contract.record import Record
 from lfobench.render.columns import arrange_columns
 from lfobench.render.markup import Markup, element, joined, name_of
-from lfobench.render.plots.captions import ends
+from lfobench.render.plots.captions import ends, fewer_starts
 from lfobench.render.plots.compared import demonstration_score
 from lfobench.render.plots.learning import DIVERGED_SCORE, Curve, evaluated, learning_curve
 from lfobench.render.plots.style import Look, looks
@@ -80,7 +80,9 @@ def dashes(look: Look) -> str | None:
     return None if isinstance(look.line, str) else " ".join(f"{_DASH * length:g}" for length in look.line[1])
 
 
-def curves_section(table: Table, drawn: Sequence[Panel], chosen: Mapping[Column, Look]) -> Markup:
+def curves_section(
+    table: Table, records: Sequence[Record], drawn: Sequence[Panel], chosen: Mapping[Column, Look]
+) -> Markup:
     """Every task's panel with all methods under one legend."""
     rows = [row for _, row in table.rows()]
     diverged = any(curve.diverged for panel in drawn for curve in panel.curves.values())
@@ -105,6 +107,7 @@ def curves_section(table: Table, drawn: Sequence[Panel], chosen: Mapping[Column,
             "p",
             "Score of every evaluation against gradient steps, mean over seeds; pointing at a cell of the table shows "
             f"its seeds. Grey lines at 0 and 100 are {ends(table)}."
+            + (f" {fewer}" if (fewer := fewer_starts(table, records)) else "")
             + (" Dotted: the demonstration that the methods observe." if known else "")
             + (
                 f" A cross marks a divergence, from which on the seed counts as {DIVERGED_SCORE:.0f}."
@@ -120,7 +123,11 @@ def curves_section(table: Table, drawn: Sequence[Panel], chosen: Mapping[Column,
 def _panel(table: Table, row: Row, members: Mapping[Column, Sequence[Record]]) -> Panel:
     on_task = {column: [each for each in found if each.task == row.task] for column, found in members.items()}
     steps = evaluated([record for found in on_task.values() for record in found])
-    curves = {column: curve for column, found in on_task.items() if (curve := learning_curve(found, steps)) is not None}
+    curves = {
+        column: curve
+        for column, found in on_task.items()
+        if (curve := learning_curve(found, steps, table.statistic)) is not None
+    }
     scores = [score for curve in curves.values() for seed in curve.seeds for score in seed if score is not None]
     demonstration = demonstration_score(table, row)
     points = [RANDOM, EXPERT, *scores, *([demonstration] if demonstration is not None else [])]

@@ -12,14 +12,14 @@ from itertools import combinations
 from typing import get_args
 
 from lfobench.render.table import Column, Row, Table, competes
-from lfobench.stats.comparison import PAIRED, p_value
+from lfobench.stats.comparison import margin, p_value, without_spread
+from lfobench.stats.contrast import scores_compared
 from lfobench.stats.correction import adjusted
 from lfobench.stats.feasibility import smallest_p
-from lfobench.stats.highlight import Rule, highlights
+from lfobench.stats.highlight import Rule, highlights, places
 from lfobench.stats.names import HighlightTest, Scope, Test
 from lfobench.stats.sample import Sample
 
-TESTS: tuple[Test, ...] = get_args(Test)
 SCOPES: tuple[Scope, ...] = get_args(Scope)
 
 
@@ -30,8 +30,8 @@ class PairCounts:
     Attributes:
         first: subject.
         second: what it is held against.
-        better: tasks on which the first has the higher mean, and the test tells them apart.
-        worse: the lower mean.
+        better: tasks on which the first has the higher mean or success rate, and the test tells them apart.
+        worse: the lower one.
         undecided: the test does not tell them apart.
         untested: there was no test.
     """
@@ -56,7 +56,12 @@ class Evidence:
 
     table: Table
     p: dict[HighlightTest, tuple[tuple[float | None, ...], ...]]
-    unavailable: dict[tuple[Test, Scope], str]
+    unavailable: dict[tuple[HighlightTest, Scope], str]
+
+    @property
+    def tests(self) -> tuple[HighlightTest, ...]:
+        """Those that the page can choose from: the tests of scores, and of counts where cells show counts."""
+        return tests_of(self.table)
 
     @cached_property
     def rows(self) -> tuple[Row, ...]:
@@ -95,7 +100,7 @@ class Evidence:
             if p is None:
                 untested += 1
             else:
-                differences.append(one.summary.mean - two.summary.mean)
+                differences.append(margin(rule.test, one, two))
                 p_values.append(p)
         apart = [
             difference
@@ -106,25 +111,46 @@ class Evidence:
         undecided = len(p_values) - better - worse
         return PairCounts(self.columns[first], self.columns[second], better, worse, undecided, untested)
 
-    def best_case(self, row: Row, test: Test, scope: Scope) -> tuple[float, int] | None:
+    def places(self, row: Row, test: HighlightTest) -> list[int | None]:
+        """The place of every column in a row, 0 the best and level ones the same; None of one without a sample."""
+        samples = {index: sample for index, sample in enumerate(self.samples(row)) if sample is not None}
+        by_column = {index: place for place, level in enumerate(places(samples, test)) for index in level}
+        return [by_column.get(index) for index in range(len(self.columns))]
+
+    def without_spread(self, row: Row, test: HighlightTest) -> list[int]:
+        """The pairs of `pairs` of which a t-test has no spread to estimate in a row."""
+        samples = self.samples(row)
+        return [
+            index
+            for index, (first, second) in enumerate(self.pairs)
+            if (one := samples[first]) and (two := samples[second]) and without_spread(test, one, two)
+        ]
+
+    def best_case(self, row: Row, test: HighlightTest, scope: Scope) -> tuple[float, int] | None:
         """The smallest p-value that the test could give in a row, and the scores that takes; None for no test."""
         samples = [
             sample
             for column, sample in zip(self.columns, self.samples(row), strict=True)
             if sample is not None and competes(column, scope)
         ]
-        sizes = sorted(len(sample.starts if test in PAIRED else sample.seeds) for sample in samples)
+        sizes = sorted(scores_compared(test, sample) for sample in samples)
         smallest = smallest_p(test, sizes[-1], sizes[-2]) if len(sizes) > 1 else None
         return None if smallest is None else (smallest, sizes[-1])
+
+
+def tests_of(table: Table) -> tuple[HighlightTest, ...]:
+    """The tests that can be made of the cells of a table."""
+    return (*get_args(Test), "fisher") if table.counts else get_args(Test)
 
 
 def gather(table: Table) -> Evidence:
     """Every test between every two methods of every row of `table`."""
     rows = [run_samples(table, row) for _, row in table.rows()]
+    tests = tests_of(table)
     return Evidence(
         table,
-        {test: tuple(_p_values(test, samples) for samples in rows) for test in TESTS},
-        {(test, scope): reason for test in TESTS for scope in SCOPES if (reason := _obstacle(table, test, scope))},
+        {test: tuple(_p_values(test, samples) for samples in rows) for test in tests},
+        {(test, scope): reason for test in tests for scope in SCOPES if (reason := _obstacle(table, test, scope))},
     )
 
 
@@ -135,13 +161,13 @@ def run_samples(table: Table, row: Row) -> tuple[Sample | None, ...]:
     )
 
 
-def _p_values(test: Test, samples: Sequence[Sample | None]) -> tuple[float | None, ...]:
+def _p_values(test: HighlightTest, samples: Sequence[Sample | None]) -> tuple[float | None, ...]:
     return tuple(
         None if one is None or two is None else _higher_first(test, one, two) for one, two in combinations(samples, 2)
     )
 
 
-def _higher_first(test: Test, one: Sample, two: Sample) -> float | None:
+def _higher_first(test: HighlightTest, one: Sample, two: Sample) -> float | None:
     """The p-value as the highlight rule asks for it, the better side first: random relabellings see the order."""
     first, second = (two, one) if two.summary.mean > one.summary.mean else (one, two)
     try:
@@ -150,7 +176,7 @@ def _higher_first(test: Test, one: Sample, two: Sample) -> float | None:
         return None
 
 
-def _obstacle(table: Table, test: Test, scope: Scope) -> str | None:
+def _obstacle(table: Table, test: HighlightTest, scope: Scope) -> str | None:
     """What keeps a test from deciding the rows: starts that two methods do not share, say."""
     rule = Rule(test, scope)
     rows = [

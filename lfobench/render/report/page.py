@@ -11,14 +11,12 @@ from importlib.resources import files
 
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record, Warning
-from lfobench.contract.statistic import HEADLINE, Statistic
-from lfobench.errors import UserError
+from lfobench.contract.statistic import Statistic
 from lfobench.render.building import build_table
-from lfobench.render.highlight_note import CORRECTIONS, SCOPES, TESTS, highlight_notes
+from lfobench.render.highlight_note import CORRECTIONS, SCOPES, TESTS, highlight_notes, unit
 from lfobench.render.html_table import notes_list, score_table, table_style
 from lfobench.render.markup import Markup, element
 from lfobench.render.report.curves import column_looks, curves_section, panels
-from lfobench.render.report.evidence import TESTS as SCORE_TESTS
 from lfobench.render.report.evidence import Evidence, gather
 from lfobench.render.report.payload import as_json, payload
 from lfobench.render.report.problems import problems_section
@@ -27,7 +25,6 @@ from lfobench.render.report.runs import cells, runs_section
 from lfobench.render.report.verdict import tasks as counted_tasks
 from lfobench.render.report.verdict import verdict
 from lfobench.render.table import Table
-from lfobench.stats.comparison import PAIRED
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 
 TITLE = "Offline imitation from observation: a comparison"
@@ -37,7 +34,7 @@ def report(
     records: Sequence[Record],
     failures: Sequence[Failure] = (),
     warnings: Sequence[Warning] = (),
-    statistic: Statistic = HEADLINE,
+    statistic: Statistic | None = None,
     rule: Rule = DEFAULT_RULE,
     tasks: Sequence[str] = (),
     methods: Sequence[str] = (),
@@ -51,7 +48,7 @@ def report(
         records: from one source under one protocol, in any order.
         failures: runs that crashed.
         warnings: of the folder that the records come from.
-        statistic: what a run's evaluations are reduced to.
+        statistic: what a run's evaluations are reduced to; by default as in `build_table`.
         rule: the knobs that the page opens with; all others can be set in it.
         tasks: names in row order.
         methods: names in column order, and in the order in which colours are handed out.
@@ -60,10 +57,8 @@ def report(
         filters: options of ``lfobench table`` that select these records, for the commands of the page.
 
     Raises:
-        UserError: as `build_table`, or the rule's test compares no scores.
+        UserError: as `build_table`.
     """
-    if rule.test == "fisher":
-        raise UserError("A report compares scores, and --test fisher success counts.", "Use --test welch.")
     table = build_table(records, statistic, rule, tasks, methods, failures)
     records = [record for _, members in cells(table, records) for record in members]
     evidence = gather(table)
@@ -74,10 +69,10 @@ def report(
             "main",
             verdict(evidence),
             _table_section(evidence),
-            curves_section(table, drawn, looks),
-            runs_section(table, records, statistic),
+            curves_section(table, records, drawn, looks),
+            runs_section(table, records),
             problems_section(records, failures, warnings),
-            reproduce_section(records, failures, statistic, rule, filters),
+            reproduce_section(records, failures, table.statistic, rule, filters),
         ),
         element("script", as_json(payload(evidence, drawn, looks)), type="application/json", id="evidence"),
         element("script", Markup(script())),
@@ -177,7 +172,11 @@ def _table_section(evidence: Evidence) -> Markup:
 def _knobs(evidence: Evidence) -> Markup:
     """Hidden until the script has them at work."""
     rule = evidence.table.rule
-    groups = (("over seeds", False), ("over common start states", True))
+    units: dict[str, str] = {
+        "seed": "over seeds",
+        "start state": "over common start states",
+        "episode": "over episodes",
+    }
     tests = [
         element(
             "optgroup",
@@ -188,12 +187,12 @@ def _knobs(evidence: Evidence) -> Markup:
                     value=test,
                     selected=test == rule.test,
                 )
-                for test in SCORE_TESTS
-                if (test in PAIRED) == paired
+                for test in tests_of
             ),
             label=label,
         )
-        for label, paired in groups
+        for counted, label in units.items()
+        if (tests_of := [test for test in evidence.tests if unit(test) == counted])
     ]
     scopes = [element("option", SCOPES[scope], value=scope, selected=scope == rule.scope) for scope in SCOPES]
     corrections = [

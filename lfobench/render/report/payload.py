@@ -10,18 +10,18 @@ from typing import Any
 
 from lfobench.render.cell_text import LOST
 from lfobench.render.footnote import seeds_note
-from lfobench.render.highlight_note import CORRECTIONS, SCOPES
+from lfobench.render.highlight_note import CORRECTIONS, SCOPES, unit, without_spread_note
 from lfobench.render.highlight_note import TESTS as WORDS
 from lfobench.render.markup import Markup
 from lfobench.render.plots.compared import demonstration_score
 from lfobench.render.plots.style import Look
 from lfobench.render.report.curves import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Panel, dashes
-from lfobench.render.report.evidence import TESTS, Evidence
+from lfobench.render.report.evidence import Evidence
 from lfobench.render.report.verdict import REACHABLE
 from lfobench.render.table import HIGHLIGHT_NOTE, Cell, Column, Row, Table
-from lfobench.stats.comparison import PAIRED
+from lfobench.stats.comparison import PAIRED, T_TESTS
 from lfobench.stats.intervals import t_interval
-from lfobench.stats.names import Test
+from lfobench.stats.names import HighlightTest
 from lfobench.words import harmless_lines
 
 LEVEL = 0.95
@@ -36,14 +36,16 @@ def payload(evidence: Evidence, panels: Sequence[Panel], looks: Mapping[Column, 
     return {
         "rule": {"test": rule.test, "scope": rule.scope, "correction": rule.correction, "alpha": rule.alpha},
         "words": {
-            "tests": {test: WORDS[test] for test in TESTS},
+            "tests": {test: WORDS[test] for test in evidence.tests},
+            "units": {test: unit(test) for test in evidence.tests},
+            "withoutSpread": {test: without_spread_note(test, "") for test in evidence.tests if test in T_TESTS},
             "corrections": CORRECTIONS,
             "scopes": SCOPES,
             "reachable": REACHABLE,
         },
         "labels": {"highlight": HIGHLIGHT_NOTE, "lost": LOST},
         "paired": sorted(PAIRED),
-        "seeds": {"unpaired": _seeds_note(table, "welch"), "paired": _seeds_note(table, "paired-t")},
+        "seeds": {test: _seeds_note(table, test) for test in evidence.tests},
         "unavailable": {f"{test} {scope}": reason for (test, scope), reason in evidence.unavailable.items()},
         "pairs": [list(pair) for pair in evidence.pairs],
         "columns": [_column(column, looks[column]) for column in evidence.columns],
@@ -74,17 +76,17 @@ def _column(column: Column, look: Look) -> dict[str, Any]:
 
 def _best_cases(evidence: Evidence, row: Row) -> dict[str, dict[str, list[Any] | None]]:
     """By test and scope: smallest p-value, as printed, and number of scores."""
-    found = {(test, scope): evidence.best_case(row, test, scope) for test in TESTS for scope in SCOPES}
+    found = {(test, scope): evidence.best_case(row, test, scope) for test in evidence.tests for scope in SCOPES}
     return {
         test: {
             scope: None if (case := found[test, scope]) is None else [case[0], f"{case[0]:.2g}", case[1]]
             for scope in SCOPES
         }
-        for test in TESTS
+        for test in evidence.tests
     }
 
 
-def _seeds_note(table: Table, test: Test) -> str:
+def _seeds_note(table: Table, test: HighlightTest) -> str:
     """The footnote's word on seeds says what they allow, which a paired test changes."""
     return seeds_note(replace(table, rule=replace(table.rule, test=test))).text
 
@@ -95,6 +97,8 @@ def _row(evidence: Evidence, index: int, panel: Panel) -> dict[str, Any]:
     return {
         "task": row.task,
         "p": {test: list(of_rows[index]) for test, of_rows in evidence.p.items()},
+        "places": {test: evidence.places(row, test) for test in ("welch", "fisher") if test in evidence.tests},
+        "withoutSpread": {test: evidence.without_spread(row, test) for test in sorted(T_TESTS)},
         "bestCases": _best_cases(evidence, row),
         "cells": [
             _cell(cell, panel, column) if cell else None for column, cell in zip(evidence.columns, cells, strict=True)
@@ -116,6 +120,7 @@ def _cell(cell: Cell, panel: Panel, column: Column) -> dict[str, Any]:
     return {
         "mean": sample.summary.mean if sample else None,
         "std": sample.summary.std if sample else None,
+        "successes": cell.successes.pooled.successes if cell.successes else None,
         "interval": [_rounded(interval.low), _rounded(interval.high)] if interval else None,
         "scores": [_rounded(score) for score in sample.seeds] if sample else [],
         "seeds": cell.seeds,

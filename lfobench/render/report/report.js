@@ -78,7 +78,7 @@ function apply(rule) {
   const notes = highlightNotes(evidence, rule, outcomes);
   showHighlights(outcomes);
   showNotes(notes);
-  showSeeds(evidence.seeds[evidence.paired.includes(rule.test) ? "paired" : "unpaired"]);
+  showSeeds(evidence.seeds[rule.test]);
   showPairs(rule);
   showCommands(rule);
   setText("verdict", verdictSentence(evidence, rule, outcomes));

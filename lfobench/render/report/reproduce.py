@@ -73,7 +73,7 @@ def seed_list(seeds: Sequence[int]) -> str:
 
 def view_arguments(statistic: Statistic, filters: Sequence[str]) -> list[str]:
     """What a table and a report share besides the knobs."""
-    return ["--out", FOLDER, *([] if str(statistic) == "last5" else ["--stat", str(statistic)]), *filters]
+    return ["--out", FOLDER, "--stat", str(statistic), *filters]
 
 
 def knobs(rule: Rule) -> list[str]:

@@ -31,47 +31,58 @@ function largest(pValues) {
   return pValues.includes(null) ? null : Math.max(...pValues);
 }
 
-// The best of a row, those level with them, and the p-value that decides; null where fewer than two compete.
+// Places by column, 0 the best: of success rates, or of mean scores; level ones share a place.
+function placesOf(row, rule) {
+  return row.places[rule.test === "fisher" ? "fisher" : "welch"];
+}
+
+// The best of a row, those level with them, and the p-value that decides; a word where nothing can be best.
 function compareRow(evidence, row, rule) {
-  const means = new Map();
-  evidence.columns.forEach((column, index) => {
-    const cell = row.cells[index];
-    if (competes(column, rule.scope) && cell && cell.mean !== null) means.set(index, cell.mean);
-  });
-  if (means.size < 2) return null;
-  const pairs = row.p[rule.test];
-  const p = (one, two) =>
-    pairs[evidence.pairs.findIndex(([first, second]) => first === Math.min(one, two) && second === Math.max(one, two))];
-  const descending = [...means.values()].sort((one, two) => two - one);
-  const at = (mean) => [...means.keys()].filter((index) => means.get(index) === mean);
-  const best = at(descending[0]);
-  if (best.length > 1) {
-    const among = best.flatMap((one, place) => best.slice(place + 1).map((two) => p(one, two)));
-    return { best, level: best, p: largest(among) };
-  }
-  const seconds = at(descending[1]);
-  const against = seconds.map((second) => p(best[0], second));
+  const places = placesOf(row, rule);
+  const competing = evidence.columns
+    .map((_, index) => index)
+    .filter((index) => competes(evidence.columns[index], rule.scope) && places[index] !== null);
+  if (competing.length < 2) return { nothing: "unopposed" };
+  const taken = [...new Set(competing.map((index) => places[index]))].sort((one, two) => one - two);
+  const at = (place) => competing.filter((index) => places[index] === place);
+  const best = at(taken[0]);
+  if (rule.test === "fisher" && row.cells[best[0]].successes === 0) return { nothing: "all failed" };
+  const pairOf = (one, two) =>
+    evidence.pairs.findIndex(([first, second]) => first === Math.min(one, two) && second === Math.max(one, two));
+  const seconds = best.length > 1 ? [] : at(taken[1]);
+  const pairs =
+    best.length > 1
+      ? best.flatMap((one, place) => best.slice(place + 1).map((two) => pairOf(one, two)))
+      : seconds.map((second) => pairOf(best[0], second));
+  const against = pairs.map((pair) => row.p[rule.test][pair]);
   const decisive = largest(against);
-  const level = decisive === null ? [] : seconds.filter((_, place) => against[place] >= rule.alpha);
-  return { best, level: [best[0], ...(level.length ? level : seconds)], p: decisive };
+  const near = decisive === null ? [] : seconds.filter((_, place) => against[place] >= rule.alpha);
+  const without = row.withoutSpread[rule.test] ?? [];
+  return {
+    best,
+    level: [...best, ...(near.length ? near : seconds)],
+    p: decisive,
+    withoutSpread: decisive !== null && pairs.every((pair) => without.includes(pair)),
+  };
 }
 
 // One outcome per row: { outcome, methods, lost, p }, methods and lost as indices of columns.
 function highlights(evidence, rule) {
   const compared = evidence.rows.map((row) => compareRow(evidence, row, rule));
-  const tested = compared.filter((row) => row !== null && row.p !== null).map((row) => row.p);
+  const tested = compared.filter((row) => !row.nothing && row.p !== null).map((row) => row.p);
   const corrected = adjusted(tested, rule.correction);
   const byHolm = adjusted(tested, rule.correction === "none" ? "holm" : rule.correction);
   let next = 0;
   return compared.map((row) => {
-    if (row === null) return { outcome: "unopposed", methods: [], lost: [], p: null };
+    if (row.nothing) return { outcome: row.nothing, methods: [], lost: [], p: null };
     if (row.p === null) return { outcome: "untested", methods: row.level, lost: [], p: null };
+    const { p, withoutSpread } = row;
     const place = next;
     next += 1;
     const alone = row.best.length === 1;
     const lost = alone && row.p < rule.alpha && rule.alpha <= byHolm[place] ? row.best : [];
-    if (alone && corrected[place] < rule.alpha) return { outcome: "better", methods: row.best, lost, p: row.p };
-    return { outcome: "undecided", methods: row.level, lost, p: row.p };
+    if (alone && corrected[place] < rule.alpha) return { outcome: "better", methods: row.best, lost, p, withoutSpread };
+    return { outcome: "undecided", methods: row.level, lost, p, withoutSpread };
   });
 }
 
@@ -83,8 +94,9 @@ function countPair(evidence, pair, rule) {
   const corrected = adjusted(tested.map((row) => row.p[rule.test][pair]), rule.correction);
   const counts = { better: 0, worse: 0, undecided: 0, untested: rows.length - tested.length };
   tested.forEach((row, place) => {
-    const difference = row.cells[first].mean - row.cells[second].mean;
-    if (corrected[place] < rule.alpha && difference !== 0) counts[difference > 0 ? "better" : "worse"] += 1;
+    const places = placesOf(row, rule);
+    const ahead = places[second] - places[first];
+    if (corrected[place] < rule.alpha && ahead !== 0) counts[ahead > 0 ? "better" : "worse"] += 1;
     else counts.undecided += 1;
   });
   return counts;
@@ -125,6 +137,7 @@ function verdictSentence(evidence, rule, outcomes) {
     parts.push(`undecided on ${having("undecided").length}`);
   }
   if (having("untested").length) parts.push(`not tested on ${having("untested").length}`);
+  if (having("all failed").length) parts.push(`no success at all on ${having("all failed").length}`);
   if (having("unopposed").length) parts.push(`nothing to compare on ${having("unopposed").length}`);
   return `Among ${evidence.words.scopes[rule.scope]}, on ${countedTasks(outcomes.length)}: ${parts.join("; ")}.`;
 }
@@ -152,10 +165,9 @@ function designNote(evidence, rule, outcomes) {
   const known = cases.filter((each) => each !== null);
   if (known.some(([smallest]) => smallest * factor < rule.alpha) || known.length === 0) return null;
   const [, printed, scores] = known.reduce((one, two) => (two[0] < one[0] || (two[0] === one[0] && two[2] < one[2]) ? two : one));
-  const unit = evidence.paired.includes(rule.test) ? "start states" : "seeds";
   const times = rule.correction === "holm" && cases.length > 1 ? `, times ${cases.length} under Holm` : "";
   return (
-    `with ${scores} ${unit}, ${evidence.words.tests[rule.test]} gives at best p = ${printed}${times}, so no row ` +
+    `with ${scores} ${evidence.words.units[rule.test]}s, ${evidence.words.tests[rule.test]} gives at best p = ${printed}${times}, so no row ` +
     "could have come out significant. Use more, or another test."
   );
 }
@@ -166,22 +178,25 @@ function highlightNotes(evidence, rule, outcomes) {
   const tested = testedRows(outcomes);
   const level = general(rule.alpha);
   const paired = evidence.paired.includes(rule.test);
+  const counts = rule.test === "fisher";
   const corrected =
     rule.correction === "none" ? "" : ` corrected by ${corrections[rule.correction]} over the ${tested} rows tested`;
   let text =
-    `the best mean in its row among ${scopes[rule.scope]}, and the second best too unless ` +
+    `the best ${counts ? "success rate" : "mean"} in its row among ${scopes[rule.scope]}, and the second best too unless ` +
     `${tests[rule.test]} between them gives p < ${level}${corrected}. ` +
     `Correction for multiple comparisons: ${corrections[rule.correction]}`;
   const said = {
-    untested: `Not tested for want of a second ${paired ? "start state" : "seed"}, both highlighted`,
+    untested: `Not tested for want of a second ${evidence.words.units[rule.test]}, both highlighted`,
     unopposed: "Nothing to compare, nothing highlighted",
+    "all failed": "No success at all, nothing highlighted",
   };
+  const where = (concerned) =>
+    concerned.length === outcomes.length ? "every row" : concerned.map((row) => row.task).join(", ");
   for (const [outcome, words] of Object.entries(said)) {
     const concerned = evidence.rows.filter((_, index) => outcomes[index].outcome === outcome);
-    if (concerned.length === 0) continue;
-    const where = concerned.length === outcomes.length ? "every row" : concerned.map((row) => row.task).join(", ");
-    text += `. ${words}: ${where}`;
+    if (concerned.length > 0) text += `. ${words}: ${where(concerned)}`;
   }
+  if (counts) text += ". Counts are tested because every record says how its episodes ended";
   const notes = [[evidence.labels.highlight, `${text}.`]];
   if (paired) {
     notes.push([
@@ -190,6 +205,8 @@ function highlightNotes(evidence, rule, outcomes) {
         "trained policies, not of other training seeds.",
     ]);
   }
+  const without = evidence.rows.filter((_, index) => outcomes[index].withoutSpread);
+  if (without.length) notes.push(["No spread", `${where(without)}${evidence.words.withoutSpread[rule.test]}`]);
   if (outcomes.some((row) => row.lost.length)) {
     const by = corrections[rule.correction === "none" ? "holm" : rule.correction];
     notes.push([

@@ -46,14 +46,14 @@ class Numbered:
         return self.texts.index(text) + 1
 
 
-def runs_section(table: Table, records: Sequence[Record], statistic: Statistic) -> Markup:
+def runs_section(table: Table, records: Sequence[Record]) -> Markup:
     """The sortable table of runs, then what its short forms stand for."""
     software, data = Numbered(), Numbered()
     rows: list[Markup] = []
     identities: list[Markup] = []
     for label, members in cells(table, records):
         anchor = f"identity-{len(identities) + 1}"
-        rows += [_row(label, record, statistic, software, data, anchor) for record in members]
+        rows += [_row(label, record, table.statistic, software, data, anchor) for record in members]
         identities.append(_identity(label, members, anchor))
     headings = [element("th", name, scope="col", data_sort=kind) for name, kind in _HEADINGS]
     return element(

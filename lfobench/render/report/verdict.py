@@ -54,6 +54,8 @@ def sentence(table: Table) -> str:
         parts.append(f"undecided on {outcomes['undecided']}")
     if outcomes["untested"]:
         parts.append(f"not tested on {outcomes['untested']}")
+    if outcomes["all failed"]:
+        parts.append(f"no success at all on {outcomes['all failed']}")
     if outcomes["unopposed"]:
         parts.append(f"nothing to compare on {outcomes['unopposed']}")
     return f"Among {SCOPES[table.rule.scope]}, on {tasks(len(rows))}: {'; '.join(parts)}."
@@ -129,7 +131,7 @@ def _smallest_effect(table: Table) -> str:
         return f"At level {alpha:g} every verdict is settled beforehand."
     effect = detectable_effect(fewest, _POWER, alpha)
     return (
-        f"With {fewest} seeds per method, the t-test at p < {alpha:g} finds a difference with probability {_POWER:g} "
+        f"With {fewest} seeds per method, Welch's test at p < {alpha:g} finds a difference with probability {_POWER:g} "
         f"only from {effect:.1f} standard deviations on; smaller ones mostly stay undecided."
     )
 
