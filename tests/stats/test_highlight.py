@@ -65,7 +65,7 @@ def test_the_best_is_always_highlighted(row: dict[str, Sample]) -> None:
 @given(rows)
 def test_nothing_below_the_second_best_is_highlighted(row: dict[str, Sample]) -> None:
     second = sorted((sample.summary.mean for sample in row.values()), reverse=True)[1]
-    assert all(mean(row, method) >= second for method in decide(row).methods)
+    assert all(mean(row, method) >= second - 1e-8 for method in decide(row).methods), "level but for rounding"
 
 
 @pytest.mark.parametrize("test", EVERY_TEST)

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import fisher_exact
 
-from lfobench.stats.comparison import p_value
 from lfobench.stats.contrast import contrast
 from lfobench.stats.highlight import Highlight, Rule, highlights
+from lfobench.stats.proportions import newcombe_interval
 from lfobench.stats.sample import Sample, sample_of
 from lfobench.stats.successes import Count, Successes
 
@@ -84,8 +84,22 @@ def test_corrections_and_levels_apply() -> None:
     assert decide(close, Rule("fisher", alpha=0.01)).outcome == "undecided"
 
 
-def test_a_contrast_of_scores_refuses_it() -> None:
-    sample = sampled(Count(1, 2))
-    with pytest.raises(ValueError, match="contrast is one of scores"):
-        contrast({"task": (sample, sample)}, Rule("fisher"))
-    assert p_value("fisher", sample, sample) == pytest.approx(1.0)
+def test_a_contrast_by_counts_says_what_the_counts_say_and_not_the_scores() -> None:
+    many, few = Count(36, 40), Count(12, 40)
+    found = contrast({"task": (sampled(many), sampled(few)), "same": (sampled(few), sampled(few))}, Rule("fisher"))
+    apart, same = found.cells["task"], found.cells["same"]
+    assert (apart.outcome, apart.p, apart.difference) == ("better", by_scipy(many, few), pytest.approx(60.0))
+    assert apart.interval is not None and apart.interval.low < 60.0 < apart.interval.high
+    assert (same.outcome, same.difference) == ("undecided", 0.0)
+    assert same.p == pytest.approx(1.0)
+    swapped = contrast({"task": (sampled(few), sampled(many))}, Rule("fisher")).cells["task"]
+    assert (swapped.outcome, swapped.difference) == ("worse", pytest.approx(-60.0))
+    assert not contrast({"task": (sampled(Count(1, 2)), sampled(Count(0, 2)))}, Rule("fisher")).cells["task"].reachable
+
+
+def test_newcombes_interval_is_the_published_one() -> None:
+    """Newcombe 1998, table II: 56/70 against 48/80, method 10."""
+    found = newcombe_interval(56, 70, 48, 80)
+    assert (found.low, found.high) == pytest.approx((0.0524, 0.3339), abs=5e-5)
+    whole = newcombe_interval(10, 10, 0, 10)
+    assert (whole.low, whole.high) == pytest.approx((0.6075, 1.0), abs=5e-5)

@@ -144,5 +144,5 @@ def test_commands_survive_the_shell_and_the_page() -> None:
     assert page == ["lfobench", "report", *view, "--to", "report.html", *knobs]
 
 
-def test_the_headline_needs_no_option() -> None:
-    assert "--stat" not in reproduce_section([make_record(1.0)], [], HEADLINE, DEFAULT_RULE)
+def test_the_statistic_is_written_out_because_its_default_depends_on_the_records() -> None:
+    assert "--stat last5" in reproduce_section([make_record(1.0)], [], HEADLINE, DEFAULT_RULE)
