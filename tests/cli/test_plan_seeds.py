@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers_cli import InProcess, assert_refused
 from helpers_folders import with_provenance, write_records
 from helpers_records import make_cell
+from scipy.stats import ttest_ind
 
 from lfobench.stats.power import seeds_needed_for
 
@@ -63,3 +65,24 @@ def test_what_cannot_be_planned(pilot: Path, tmp_path: Path, lfobench_command: I
     assert_refused(lfobench_command("plan", "--out", tmp_path / "gone"), "No folder")
     (tmp_path / "empty").mkdir()
     assert_refused(lfobench_command("plan", "--out", tmp_path / "empty"), "holds no records")
+
+
+def test_the_seeds_are_those_of_welchs_test_and_not_of_students(tmp_path: Path, lfobench_command: InProcess) -> None:
+    """Spreads of 3.25 and 10 points: with three seeds Welch's test has power 0.70, not the 0.80 of Student's."""
+    scores = (50.0 - 3.25, 50.0, 50.0 + 3.25)
+    out = write_records(tmp_path / "pilot", [*make_cell(scores), *make_cell(scores, "smodice")])
+    planned = lfobench_command("plan", "--out", out, "--effect", "10", "--seeds", "3", "--json")
+    (task,) = json.loads(planned.out)["tasks"]
+    assert [method["std"] for method in task["methods"]] == pytest.approx([3.25, 3.25])
+    assert task["pilot"]["seeds_needed"]["alone"] == 4
+    random = np.random.default_rng(0)
+    seen = {
+        n: np.mean(
+            ttest_ind(
+                random.normal(10.0, 3.25, (40_000, n)), random.normal(0.0, 3.25, (40_000, n)), axis=1, equal_var=False
+            ).pvalue
+            < 0.05
+        )
+        for n in (3, 4)
+    }
+    assert seen[3] == pytest.approx(0.70, abs=0.01) and seen[4] > 0.8

@@ -1,4 +1,4 @@
-"""``lfobench table`` of records that count successes, and every other view of them, which stays with scores."""
+"""``lfobench table`` of records that count successes, and every other view of them."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_one_record_without_outcomes_brings_scores_back(counted: Path, lfobench_
     ("options", "words"),
     [
         (("--test", "fischer"), ("Unknown test 'fischer'", "Did you mean 'fisher'")),
-        (("--stat", "best"), ("--stat best", "last evaluation", "--test welch")),
+        (("--stat", "best", "--test", "fisher"), ("--stat best", "last evaluation", "--test welch")),
         (("--against", "dilo-2024"), ("not comparable with dilo-2024, Robot table", "simulated", "--anyway")),
         (("--against", "dilo-2024", "--test", "welch"), ("counts successes on these tasks", "Leave out --test")),
         (("--outcomes", "--format", "html"), ("no format 'html'", "terminal, markdown")),
@@ -131,16 +131,18 @@ def test_from_python(counted: Path) -> None:
     assert api.outcomes(counted).outcomes == ("success", "stalled", "cup hit", "diverged")
 
 
-# --- views of scores -------------------------------------------------------------------------------------------------
+# --- other views -----------------------------------------------------------------------------------------------------
 
 
-def test_the_other_views_go_on_with_scores(counted: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
+def test_the_other_views_count_too(counted: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
     page = tmp_path / "report.html"
     assert lfobench_command("report", "--out", counted, "--to", page).code == 0
     text = page.read_text(encoding="utf-8")
-    assert "success rate in %" in text and "267/330" not in text
+    assert "success rate in %" in text and "267/330" in text and "exact two-sided test of the pooled counts" in text
     compared = lfobench_command("compare", "dilo", "bco", "--out", counted)
     assert compared.code == 0 and "dilo against bco: better on" in compared.out
+    assert "267/330" in compared.out and "Intervals of a difference are Newcombe's" in flat(compared.out)
+    assert "variance inflation by seeds" in flat(compared.out)
     same = lfobench_command("compare", counted, counted)
     assert (same.code, "identical 4" in same.out) == (0, True)
     planned = lfobench_command("plan", "--out", counted)
@@ -155,11 +157,18 @@ def test_plots_of_success_rates(kind: str, counted: Path, tmp_path: Path, lfoben
     assert "random actions" not in outcome.out
 
 
-@pytest.mark.parametrize("command", [("compare", "dilo", "bco"), ("plan",), ("report",)], ids=" ".join)
-def test_views_of_scores_refuse_the_test_of_counts(
-    command: tuple[str, ...], counted: Path, lfobench_command: InProcess
+def test_a_plan_of_seeds_refuses_the_test_of_episodes(counted: Path, lfobench_command: InProcess) -> None:
+    assert_refused(lfobench_command("plan", "--out", counted, "--test", "fisher"), "'fisher' counts episodes", "welch")
+
+
+@pytest.mark.parametrize("command", [("compare", "dilo", "bco"), ("report",), ("table",)], ids=" ".join)
+def test_counts_of_records_that_do_not_say_are_refused_everywhere(
+    command: tuple[str, ...], tmp_path: Path, lfobench_command: InProcess
 ) -> None:
-    assert_refused(lfobench_command(*command, "--out", counted, "--test", "fisher"), "'fisher' compares success counts")
+    folder = write_records(tmp_path / "scores", [*make_cell([1.0, 2.0]), *make_cell([1.0, 2.0], "bco")])
+    for options in (("--test", "fisher"), ("--stat", "success")):
+        refused = lfobench_command(*command, "--out", folder, *options)
+        assert_refused(refused, "do not say how their episodes ended", "--test welch")
 
 
 def test_a_changed_further_episode_is_a_changed_run(counted: Path, tmp_path: Path, lfobench_command: InProcess) -> None:

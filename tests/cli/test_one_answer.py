@@ -1,0 +1,150 @@
+"""One folder, one answer: table, report, figures, comparison, plan and Python take the same score and the same test."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers_cli import InProcess
+from helpers_folders import write_records
+from helpers_records import endings, make_cell, make_counted
+from matplotlib.collections import PathCollection
+from scipy.stats import fisher_exact, ttest_ind
+
+import lfobench
+from lfobench.contract.record import Evaluation, Record
+
+
+def counting() -> list[Record]:
+    """From the fixed starts BCO is far ahead in every seed, from all starts the two are level."""
+    return [
+        make_counted(endings(fixed, 10), endings(further, 100), method, seed, evaluations=5)
+        for method, of_method, further in (("dilo", (2, 1, 2), 61), ("bco", (9, 10, 9), 50))
+        for seed, fixed in enumerate(of_method)
+    ]
+
+
+def scoring() -> list[Record]:
+    """Scores that differ clearly, the last evaluation the other way round."""
+    return [
+        record.model_copy(update={"evaluations": [*record.evaluations[:-1], last(record, 100.0 - score)]})
+        for method, scores in (("dilo", (80.0, 84.0, 79.0)), ("bco", (20.0, 26.0, 21.0)))
+        for record, score in zip(make_cell(scores, method), scores, strict=True)
+    ]
+
+
+def last(record: Record, score: float) -> Evaluation:
+    return record.evaluations[-1].model_copy(update={"returns": [10.0 * score] * 2})
+
+
+COUNTS = {
+    # 5 of 30 and 183 of 300; 28 of 30 and 150 of 300.
+    "test": "fisher",
+    "p": float(fisher_exact([[188, 178], [142, 152]]).pvalue),
+    "scores": {
+        "dilo": [100.0 * (fixed + 61) / 110 for fixed in (2, 1, 2)],
+        "bco": [100.0 * (fixed + 50) / 110 for fixed in (9, 10, 9)],
+    },
+    "verdict": "undecided",
+}
+FIVE = {
+    "dilo": [(4 * each + 100.0 - each) / 5 for each in (80.0, 84.0, 79.0)],
+    "bco": [(4 * each + 100.0 - each) / 5 for each in (20.0, 26.0, 21.0)],
+}
+SCORES = {
+    "test": "welch",
+    "p": float(ttest_ind(FIVE["dilo"], FIVE["bco"], equal_var=False).pvalue),
+    "scores": FIVE,
+    "verdict": "better",
+}
+
+
+@pytest.fixture(params=[(counting, COUNTS), (scoring, SCORES)], ids=["counts", "scores"])
+def folder(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, dict[str, Any]]:
+    make, expected = request.param
+    return write_records(tmp_path / "runs", make()), expected
+
+
+def test_every_view_gives_the_same_answer(
+    folder: tuple[Path, dict[str, Any]], tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    out, expected = folder
+    scores, p = expected["scores"], pytest.approx(expected["p"])
+    table = json.loads(lfobench_command("table", "--out", out, "--format", "json").out)
+    (row,) = table["rows"]
+    assert (table["rule"]["test"], row["outcome"], row["p"]) == (expected["test"], expected["verdict"], p)
+    shown = {column["label"]: cell["scores"] for column, cell in zip(table["columns"], row["cells"], strict=True)}
+    assert {name: shown[name] for name in scores} == {name: pytest.approx(of) for name, of in scores.items()}
+
+    compared = json.loads(lfobench_command("compare", "dilo", "bco", "--out", out, "--json").out)
+    (cell,) = compared["cells"]
+    assert (compared["rule"]["test"], compared["statistic"]) == (expected["test"], table["statistic"])
+    assert (cell["verdict"], cell["p"]) == (expected["verdict"], p)
+    assert cell["subject"]["scores"] == pytest.approx(scores["dilo"])
+
+    page = tmp_path / "report.html"
+    assert lfobench_command("report", "--out", out, "--to", page).code == 0
+    embedded = evidence(page.read_text(encoding="utf-8"))
+    assert embedded["rule"]["test"] == expected["test"]
+    assert embedded["rows"][0]["p"][expected["test"]] == [p]
+    assert embedded["rows"][0]["cells"][0]["scores"] == pytest.approx(scores["dilo"], abs=0.005)
+    verdict = "better than the second best: dilo on 1" if expected["verdict"] == "better" else "undecided on 1"
+    assert verdict in page.read_text(encoding="utf-8")
+
+    planned = json.loads(lfobench_command("plan", "--out", out, "--json").out)
+    means = {method["column"]: method["mean"] for method in planned["tasks"][0]["methods"]}
+    assert means == {name: pytest.approx(np.mean(of)) for name, of in scores.items()}
+
+    asked = lfobench.table(out)
+    assert (asked.rule.test, asked.blocks[0].rows[0].p) == (expected["test"], p)
+    assert evidence(lfobench.report(out)) == embedded
+    drawn = lfobench.plot("scores", out)
+    dots = [
+        float(x) for each in drawn.axes[0].collections if isinstance(each, PathCollection) for x, _ in offsets(each)
+    ]
+    assert sorted(dots) == pytest.approx(sorted(score for of in scores.values() for score in of))
+
+
+def evidence(page: str) -> dict[str, Any]:
+    found = re.search(r'<script type="application/json" id="evidence">(.*?)</script>', page, re.DOTALL)
+    assert found is not None
+    value: dict[str, Any] = json.loads(found[1])
+    return value
+
+
+def offsets(dots: PathCollection) -> Any:
+    return np.asarray(dots.get_offsets())
+
+
+def test_learning_curves_rest_on_fewer_starts_and_say_so(tmp_path: Path, lfobench_command: InProcess) -> None:
+    out = write_records(tmp_path / "runs", counting())
+    drawn = lfobench.plot("curves", out)
+    assert "of the fixed test starts alone" in drawn.caption and "further starts too" in drawn.caption
+    assert "of the fixed test starts alone" in lfobench.report(out)
+    plain = write_records(tmp_path / "plain", [make_counted(endings(4, 10), seed=seed) for seed in range(2)])
+    for other in (lfobench.plot("curves", plain), lfobench.plot("curves", out, statistic="last5")):
+        assert "alone" not in other.caption
+
+
+def test_a_statistic_or_a_test_of_scores_is_taken_by_every_view(tmp_path: Path, lfobench_command: InProcess) -> None:
+    """`--test welch` compares the seeds' success rates, from all starts; `--stat last5` scores."""
+    out = write_records(tmp_path / "runs", counting())
+    rates, fixed = COUNTS["scores"], {"dilo": (2, 1, 2), "bco": (9, 10, 9)}
+    for options, of in (
+        (("--test", "welch"), rates),
+        (("--stat", "last5"), {name: [100.0 * each / 50 for each in found] for name, found in fixed.items()}),
+    ):
+        p = pytest.approx(float(ttest_ind(of["dilo"], of["bco"], equal_var=False).pvalue))
+        table = json.loads(lfobench_command("table", "--out", out, "--format", "json", *options).out)
+        assert (table["rule"]["test"], table["rows"][0]["p"]) == ("welch", p)
+        compared = json.loads(lfobench_command("compare", "dilo", "bco", "--out", out, "--json", *options).out)
+        assert compared["cells"][0]["p"] == p
+        page = tmp_path / "report.html"
+        assert lfobench_command("report", "--out", out, "--to", page, *options).code == 0
+        assert evidence(page.read_text(encoding="utf-8"))["rows"][0]["p"]["welch"] == [p]
+    with_fisher = evidence(lfobench.report(out))["rows"][0]["p"]
+    assert with_fisher["welch"] == [pytest.approx(float(ttest_ind(*rates.values(), equal_var=False).pvalue))], "a knob"
