@@ -11,9 +11,9 @@ import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lfobench.api import export, load, plot, report, table
+    from lfobench.api import export, load, plot, report, run, table
 
-__all__ = ["__version__", "export", "load", "plot", "report", "table"]
+__all__ = ["__version__", "export", "load", "plot", "report", "run", "table"]
 
 __version__ = "0.1.0"
 

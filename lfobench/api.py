@@ -8,15 +8,18 @@ Example::
     lfobench.table("runs", correction="holm")          # a notebook shows it as HTML
     lfobench.plot("curves", "runs").savefig("curves.pdf")
     lfobench.report("runs", to="report.html")
+    lfobench.run(["dilo", Mine], suite="locomotion", tasks="hopper-*", protocol="quick").records
 """
 
 from __future__ import annotations
 
+import json
+import multiprocessing
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from lfobench.contract.failure import Failure
 from lfobench.contract.record import Record, Warning
@@ -24,7 +27,8 @@ from lfobench.contract.statistic import Statistic
 from lfobench.errors import UserError, unknown_name
 from lfobench.files import write_text
 from lfobench.plan.names import split_names
-from lfobench.registry import load_suite, load_suites
+from lfobench.plan.planning import Plan, Request
+from lfobench.registry import give_method, load_suite, load_suites
 from lfobench.render.beside import beside
 from lfobench.render.building import build_table
 from lfobench.render.formats import export
@@ -33,7 +37,7 @@ from lfobench.render.rules import knobs
 from lfobench.render.table import Table
 from lfobench.stats.highlight import Rule
 from lfobench.store.failures import read_failures
-from lfobench.store.folder import RecordFolder, select
+from lfobench.store.folder import RecordFolder, RecordsRead, read_folder, select
 from lfobench.store.frame import load
 from lfobench.store.published import read_publication
 from lfobench.words import harmless
@@ -41,7 +45,9 @@ from lfobench.words import harmless
 if TYPE_CHECKING:
     from typing import Unpack
 
+    from lfobench.contract.method import Method
     from lfobench.render.plots.figure import PaperFigure
+    from lfobench.schedule.agenda import Agenda, Forecast
 
 __all__ = [
     "Filters",
@@ -52,6 +58,7 @@ __all__ = [
     "outcomes",
     "plot",
     "report",
+    "run",
     "select_records",
     "table",
 ]
@@ -96,6 +103,125 @@ class Selection:
     def outcomes(self) -> OutcomeTable:
         """How the episodes of the selected records ended."""
         return outcome_table(self.records, self.tasks, self.methods, self.failures)
+
+
+def run(
+    methods: str | type[Method] | Sequence[str | type[Method]],
+    *,
+    suite: str | Path = "locomotion",
+    tasks: str | Sequence[str] | None = None,
+    seeds: str | Sequence[int] | None = None,
+    protocol: str = "auto",
+    steps: int | None = None,
+    preset: str = "released",
+    set: Mapping[str, Any] | None = None,
+    source: str = "auto",
+    device: str = "auto",
+    precision: str = "auto",
+    tuned: bool = False,
+    rerun: bool = False,
+    workers: int | None = None,
+    out: str | Path = "runs",
+    progress: Callable[[str], None] | None = None,
+) -> Selection:
+    """Train methods as ``lfobench run`` does, and return what these runs have left; what is done is not redone.
+
+    A method is a name, a place (``file.py``, ``package.module:Class``) or a class. Where no other process can import a
+    class (it was typed into a notebook, or into the script that runs), everything runs in this process. Elsewhere there
+    are worker processes, which import the script again: call this below ``if __name__ == "__main__":``.
+
+    Args:
+        methods: one or several.
+        suite: its name, or the path of its file.
+        tasks: globs.
+        seeds: numbers, or text as ``0-6``.
+        protocol: as ``--protocol``.
+        steps: as ``--steps``.
+        preset: as ``--preset``.
+        set: ``{"dilo.tau": 3}``.
+        source: as ``--source``.
+        device: as ``--device``.
+        precision: as ``--precision``.
+        tuned: as ``--tuned``.
+        rerun: as ``--rerun``.
+        workers: as ``--workers``.
+        out: the output folder.
+        progress: called with a line for every run that is done, e.g. ``print``.
+
+    Raises:
+        UserError: as the command line says it, or if none of the runs has left a record.
+        KeyboardInterrupt: after Ctrl-C, when every run is saved; the same call continues.
+    """
+    # Imported here because it loads the simulators, and views need none of them.
+    from lfobench.schedule.agenda import resolve
+    from lfobench.schedule.packing import arranged
+
+    # True while a worker process imports the script: `multiprocessing` itself goes by it.
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise UserError(
+            "lfobench.run was called by one of its own worker processes, which imports the script.",
+            'Put the call below: if __name__ == "__main__":',
+        )
+    given = [methods] if isinstance(methods, (str, type)) else methods
+    names = [each if isinstance(each, str) else give_method(each, each.__qualname__).name for each in given]
+    wanted = Request(
+        methods=",".join(names),
+        suite=str(suite),
+        tasks=tasks if tasks is None or isinstance(tasks, str) else ",".join(tasks),
+        seeds=seeds if seeds is None or isinstance(seeds, str) else ",".join(map(str, seeds)),
+        protocol=protocol,
+        preset=preset,
+        assignments=tuple(f"{field}={json.dumps(value)}" for field, value in (set or {}).items()),
+        source=source,
+        device=device,
+        steps=steps,
+        precision=precision,
+    )
+    folder = RecordFolder(Path(out))
+    plan = resolve(wanted, folder.root if tuned else None)
+    read = read_folder(folder.root)
+    todo, expected = arranged(plan, read, folder.root, workers, rerun)
+    for warning in [*read.warnings, *expected.warnings]:
+        warnings.warn(f"{warning.what} {warning.remedy}", stacklevel=2)
+    problems = _carry_out(todo, expected, folder.root, progress) if todo.jobs else []
+    left = _left(plan, read_folder(folder.root), folder)
+    if problems and not left.records:
+        raise UserError(f"None of the runs has left a record. {problems[0]}.", "The same call tries again.")
+    for problem in problems:
+        warnings.warn(f"{problem}. The same call tries again.", stacklevel=2)
+    return left
+
+
+def _left(plan: Plan, read: RecordsRead, folder: RecordFolder) -> Selection:
+    """What the runs of a plan have left, in its order."""
+    order = {run.identity_hash: place for place, run in enumerate(plan.runs)}
+    failures, unread = read_failures(folder, read.records)
+    return Selection(
+        sorted(
+            (record for record in read.records if record.identity_hash in order),
+            key=lambda record: order[record.identity_hash],
+        ),
+        [failure for failure in failures if failure.identity_hash in order],
+        [*read.warnings, *unread],
+        [task.name for task in plan.tasks],
+        list(dict.fromkeys(cell.method.name for cell in plan.cells)),
+    )
+
+
+def _carry_out(todo: Agenda, expected: Forecast, out: Path, progress: Callable[[str], None] | None) -> list[str]:
+    """Why jobs did not end with their records, in words."""
+    import torch
+
+    from lfobench.schedule.execution import Lines, StopRequest, carry_out_agenda
+
+    lines, threads = Lines(progress or (lambda line: None)), torch.get_num_threads()
+    try:
+        tally = carry_out_agenda(todo, expected, out, StopRequest(), lines)
+    finally:
+        torch.set_num_threads(threads)
+    if tally.stopped:
+        raise KeyboardInterrupt
+    return lines.problems
 
 
 def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:

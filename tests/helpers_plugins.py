@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from lfobench import python_files, registry
+from lfobench.contract.record import Record
+from lfobench.store.folder import RecordFolder
 
 METHOD = '''
 import torch
@@ -97,3 +99,10 @@ def forget_registrations() -> None:
     registry.load_suite.cache_clear()
     registry._given.clear()
     python_files._others.cache_clear()
+
+
+def records_in(out: Path) -> list[Record]:
+    """What a folder holds, by method and seed; there is nothing to warn of."""
+    read = RecordFolder(out).read_all()
+    assert read.warnings == []
+    return sorted(read.records, key=lambda record: (record.method, record.seed))

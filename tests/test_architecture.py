@@ -53,6 +53,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "source_code",
     },
     "stats": {"contract"},
+    "templates": {"contract", "nn"},
     "render": {"contract", "stats", "errors", "words"},
     "api": {"contract", "schedule", "plan", "registry", "store", "stats", "render", "errors", "files", "words"},
     "cli": {
@@ -69,6 +70,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "render",
         "schedule",
         "stats",
+        "templates",
         "store",
         "words",
     },

@@ -14,6 +14,7 @@ from lfobench.cli import (
     compare,
     data,
     ls,
+    new,
     plan_seeds,
     plot,
     records,
@@ -39,6 +40,7 @@ app = typer.Typer(
 app.command(name="ls")(ls.list_names)
 app.command(name="show")(show.show)
 app.command(name="check")(check.check)
+app.add_typer(new.app, name="new")
 app.add_typer(data.app, name="data")
 app.command(name="run")(run.run)
 app.command(name="tune")(tune.tune)

@@ -1,4 +1,4 @@
-"""What several commands begin with: options to a plan, a folder to its records."""
+"""What several commands begin with: options to a request, the registered suites, and warnings."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lfobench.contract.record import Warning
-    from lfobench.plan.planning import Plan, Request
+    from lfobench.plan.planning import Request
     from lfobench.registry import Suites
-    from lfobench.store.folder import RecordsRead
 
 
 def request(
@@ -47,22 +46,6 @@ def request(
         precision,
         tuple(grid or ()),
     )
-
-
-def resolve(wanted: Request, tuned_in: Path | None = None) -> Plan:
-    """Names to cells, with the values chosen in the output folder `tuned_in` where one is given.
-
-    Torch is asked for CUDA only where it matters.
-    """
-    import torch
-
-    from lfobench.data.library import Library
-    from lfobench.files import cache_folder
-    from lfobench.plan.planning import make_plan
-    from lfobench.store.tuning import TuningFolder, with_choices
-
-    plan = make_plan(wanted, torch.cuda.is_available, Library(cache_folder()).find)
-    return plan if tuned_in is None else with_choices(plan, wanted, TuningFolder(tuned_in))
 
 
 def choices_in(out: Path, tuned: bool, grid: list[str] | None) -> Path | None:
@@ -104,18 +87,6 @@ def suite_and_tasks(name: str, tasks: str | None) -> tuple[str, str | None]:
     if tasks is not None:
         raise UserError(f"--tasks chooses from a suite, and {name} is one task.", "Leave out one of the two.")
     return owners[name], name
-
-
-def read_folder(out: Path) -> RecordsRead:
-    """The records of an output folder; none where it does not exist yet."""
-    from lfobench.errors import UserError
-    from lfobench.store.folder import RecordFolder, RecordsRead
-
-    try:
-        absent = not out.exists()
-    except OSError as error:
-        raise UserError(f"Cannot look into {out}: {error.strerror}.", "Choose another --out.") from error
-    return RecordsRead() if absent else RecordFolder(out).read_all()
 
 
 def warn(warnings: Iterable[Warning]) -> None:

@@ -202,18 +202,28 @@ def stopping() -> None:
     errors.print("\nStopping: saving where every run stands. Press Ctrl-C again to quit at once.")
 
 
-def carry_out(agenda: Agenda, expected: Forecast, out: Path, quiet: bool, wait: bool = True) -> int:
+def carry_out(
+    agenda: Agenda, expected: Forecast, out: Path, quiet: bool, wait: bool = True, again: str = "The same command"
+) -> int:
     """Carry an agenda out, shown on the terminal; returns the exit code.
+
+    Args:
+        agenda: the work.
+        expected: how long it takes.
+        out: the output folder.
+        quiet: show nothing but jobs that fail.
+        wait: for runs that another process is training.
+        again: the command that goes on from where this one ends.
 
     Raises:
         UserError: for data that is damaged, or a folder that cannot be written into.
     """
     tally = carry_out_agenda(agenda, expected, out, StopRequest(stopping), Terminal(quiet), wait)
     if tally.stopped:
-        errors.print("Stopped. The same command continues from here.")
+        errors.print(f"Stopped. {again} continues from here.")
         return INTERRUPTED
     if tally.failed:
-        errors.print(f"[bold red]{tally.failed} failed.[/] The same command tries them again.")
+        errors.print(f"[bold red]{tally.failed} failed.[/] {again} tries them again.")
         return 1
     if tally.busy:
         errors.print(f"{counted(tally.busy, 'run')} left to another process, which is training them.")

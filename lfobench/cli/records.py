@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from lfobench.cli import options
 from lfobench.cli.console import one_line, output, print_json
-from lfobench.cli.inputs import choices_in, read_folder, request, resolve, warn
+from lfobench.cli.inputs import choices_in, request, warn
 
 if TYPE_CHECKING:
     from lfobench.contract.failure import Failure
@@ -80,7 +80,9 @@ def why(
     """
     from lfobench.data.source import declared_fingerprints
     from lfobench.files import cache_folder
+    from lfobench.schedule.agenda import resolve
     from lfobench.store.explain import explain
+    from lfobench.store.folder import RecordFolder, read_folder
 
     wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
     plan = resolve(wanted, choices_in(out, tuned, grid))
@@ -90,7 +92,8 @@ def why(
         task.name: declared_fingerprints(cache_folder(), plan.suite, task, plan.protocol.recipe_for(task))
         for task in plan.tasks
     }
-    explanations = [explain(run, read.records, in_cache[run.cell.task.name]) for run in plan.runs]
+    folder = RecordFolder(out)
+    explanations = [explain(run, read.records, in_cache[run.cell.task.name], folder.earlier(run)) for run in plan.runs]
     if as_json:
         print_json([explanation.as_json() for explanation in explanations])
         return

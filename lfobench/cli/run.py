@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
 from lfobench.cli import options
-from lfobench.cli.console import errors, print_json
-from lfobench.cli.inputs import choices_in, read_folder, request, resolve, warn
+from lfobench.cli.console import errors, output, print_json
+from lfobench.cli.inputs import choices_in, request, warn
 
 
 def run(
@@ -23,6 +25,9 @@ def run(
     precision: options.Precision = "auto",
     tuned: options.Tuned = False,
     grid: options.Grid = None,
+    rerun: Annotated[
+        bool, typer.Option("--rerun", help="Train anew what is done; the old records are kept aside, below --out.")
+    ] = False,
     workers: options.Workers = None,
     out: options.Out = options.DEFAULT_OUT,
     no_wait: options.NoWait = False,
@@ -37,25 +42,32 @@ def run(
 
     from lfobench.cli import planned
     from lfobench.cli.progress import carry_out
+    from lfobench.schedule.agenda import resolve
     from lfobench.schedule.execution import remove_checkpoints_of_the_finished
     from lfobench.schedule.packing import arranged
+    from lfobench.store.folder import ASIDE, read_folder
+    from lfobench.words import counted
 
     wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
     plan = resolve(wanted, choices_in(out, tuned, grid))
     read = read_folder(out)
     warn(read.warnings)
     with errors.status("Measuring this machine…"):
-        todo, expected = arranged(plan, read, out, workers)
+        todo, expected = arranged(plan, read, out, workers, rerun)
     if as_json:
         print_json(planned.as_json(todo, expected))
     else:
         planned.show(todo, expected, out)
+        if todo.again:
+            done = counted(len(todo.again), "run")
+            output.print(f"rerun     {done} done before, to be set aside in {escape(str(out / ASIDE))}", soft_wrap=True)
     if dry_run:
         return
     if not todo.jobs:
         remove_checkpoints_of_the_finished(todo, out)
         return
-    code = carry_out(todo, expected, out, quiet=as_json, wait=not no_wait)
+    again = "The same command without --rerun" if rerun else "The same command"
+    code = carry_out(todo, expected, out, quiet=as_json, wait=not no_wait, again=again)
     if code == 0 and not as_json:
         errors.print(f"Done. Next: lfobench table --out {escape(str(out))}", soft_wrap=True)
     raise typer.Exit(code)

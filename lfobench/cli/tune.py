@@ -8,7 +8,7 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import errors, output, print_json
-from lfobench.cli.inputs import request, resolve
+from lfobench.cli.inputs import request
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,6 +61,7 @@ def tune(
     from lfobench.cli.progress import carry_out
     from lfobench.files import remove_leftovers
     from lfobench.plan.tuning import searches
+    from lfobench.schedule.agenda import resolve
     from lfobench.schedule.packing import arranged
     from lfobench.store.tuning import TuningFolder
 

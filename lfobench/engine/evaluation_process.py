@@ -25,6 +25,7 @@ from lfobench.engine.state import CPU, MethodState, SeedState
 from lfobench.plan.cells import Cell
 from lfobench.processes import die_with_parent, interrupts_held
 from lfobench.registry import load_suite
+from lfobench.source_code import check_unchanged
 
 Snapshot = list[SeedState]
 """A method's state as it was, per seed."""
@@ -141,6 +142,7 @@ def _work(pipe: Connection, suite: str, assignment: bytes) -> None:
 
 
 def _serve(pipe: Connection, assignment: Assignment) -> None:
+    check_unchanged(assignment.cell.method, assignment.cell.code)
     cell, seeds = assignment.cell, assignment.seeds[assignment.first : assignment.last]
     method = cell.method(cell.config, assignment.shapes, seeds, CPU)
     state = MethodState.of(method, assignment.shapes, len(seeds))

@@ -27,7 +27,7 @@ from lfobench.plan.parts import build_command
 from lfobench.plan.sources import spelled
 from lfobench.processes import keep_freed_memory
 from lfobench.registry import load_suite
-from lfobench.source_code import code_of
+from lfobench.source_code import check_unchanged, code_of, package_of
 from lfobench.store.folder import RecordFolder
 
 
@@ -122,6 +122,7 @@ def _train(
     started = time.perf_counter()
     device = torch.device(job.device)
     cell = job.cell
+    check_unchanged(cell.method, cell.code)
     rebuild = build_command(cell.suite, cell.protocol.name, cell.task.name, spelled(cell.task, cell.source))
     data = load_task(job.cache, load_suite(cell.suite), cell.task, cell.recipe, rebuild)
     needs = cell.method.needs(cell.config)
@@ -227,6 +228,7 @@ def _record(
         | {
             "seeds_trained_together": len(progress.evaluations),
             "demonstration_score": data.demonstration_score,
+            **({"method_package": package} if (package := package_of(run.cell.method)) else {}),
             **({"data_files": data.files} if data.files else {}),
             "gradient_steps": trainer.length,
         },

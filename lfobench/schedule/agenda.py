@@ -1,4 +1,4 @@
-"""What is left of a plan, as jobs, and how long it will take on this machine."""
+"""A request as a plan, what is left of it as jobs, and how long it will take on this machine."""
 
 from __future__ import annotations
 
@@ -7,19 +7,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import torch
+
 from lfobench.contract.record import Warning
 from lfobench.contract.suite import Level, Operator
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.data.cache import PartCache
+from lfobench.data.library import Library
 from lfobench.data.remarks import unbounded_actions
 from lfobench.engine.job import Job
 from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
+from lfobench.files import cache_folder
 from lfobench.plan.cells import Run
 from lfobench.plan.file_parts import FilePart
 from lfobench.plan.parts import SHARD_TRANSITIONS, PartRequest, requests
-from lfobench.plan.planning import Plan
+from lfobench.plan.planning import Plan, Request, make_plan
 from lfobench.store.folder import RecordsRead
+from lfobench.store.tuning import TuningFolder, with_choices
 
 IMPORT_SECONDS = 3.0
 """Reading a file of some hundred megabytes; a guess, next to hours of training."""
@@ -53,6 +58,7 @@ class Agenda:
         workers: jobs that run at once: processes on a CPU, threads that share a CUDA device.
         builders: processes that build data.
         notes: what was changed to make the plan fit the machine.
+        again: runs that were done before, whose records are set aside before anything trains.
     """
 
     plan: Plan
@@ -64,6 +70,7 @@ class Agenda:
     workers: int
     builders: int
     notes: Sequence[Warning] = ()
+    again: Sequence[Run] = ()
 
     @property
     def pending(self) -> list[Run]:
@@ -84,12 +91,29 @@ class Agenda:
         return found
 
 
-def make_agenda(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: int) -> Agenda:
+def resolve(wanted: Request, tuned_in: Path | None = None) -> Plan:
+    """Names to cells, with the values chosen in the output folder `tuned_in` where one is given.
+
+    Torch is asked for CUDA only where it matters.
+
+    Raises:
+        UserError: for anything that does not exist or does not parse.
+    """
+    plan = make_plan(wanted, torch.cuda.is_available, Library(cache_folder()).find)
+    return plan if tuned_in is None else with_choices(plan, wanted, TuningFolder(tuned_in))
+
+
+def make_agenda(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: int, rerun: bool = False) -> Agenda:
     """Hold a plan against the records and the dataset cache; writes nothing.
+
+    With `rerun`, what is done is done again.
 
     Raises:
         UserError: for a run whose records contradict each other; training it once more would settle nothing.
     """
+    before = {record.identity_hash for record in read.records} | read.contradicted.keys()
+    again = [run for run in plan.runs if rerun and run.identity_hash in before]
+    read = read.without(again)
     for run in plan.runs:
         if paths := read.contradicted.get(run.identity_hash):
             raise UserError(
@@ -107,7 +131,17 @@ def make_agenda(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: 
     wanted = [
         (name, request) for name, cell in cells.items() for request in requests(plan.suite, cell.task, cell.recipe)
     ]
-    return Agenda(plan, done, jobs, wanted, missing_shards(cache, plan.cells[0].suite, wanted), cache, workers, workers)
+    return Agenda(
+        plan,
+        done,
+        jobs,
+        wanted,
+        missing_shards(cache, plan.cells[0].suite, wanted),
+        cache,
+        workers,
+        workers,
+        again=again,
+    )
 
 
 @dataclass(frozen=True)

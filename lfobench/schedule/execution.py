@@ -20,7 +20,7 @@ from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
 from lfobench.data.remarks import check_parts, remarks
 from lfobench.data.source import load_task
-from lfobench.engine.job import Job, carry_out
+from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.method_check import require_sound
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
@@ -76,6 +76,33 @@ class Watcher:
 
     def failed(self, job: Job, ended: Ended, kept: Sequence[Path]) -> None:
         """A job crashed; what is known of it is kept in files."""
+
+
+class Lines(Watcher):
+    """A line of text for every run that is done and every job that is not.
+
+    Args:
+        show: called with each.
+
+    Attributes:
+        problems: lines of the jobs that did not end with their records.
+    """
+
+    def __init__(self, show: Callable[[str], object]) -> None:
+        self._show = show
+        self.problems: list[str] = []
+
+    def training(self, agenda: Agenda, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
+        """The score of each run, as it is recorded."""
+        for event in events:
+            if isinstance(event.what, Recorded):
+                self._show(f"{event.what.run}: score {event.what.score:.1f}")
+            yield event
+
+    def failed(self, job: Job, ended: Ended, kept: Sequence[Path]) -> None:
+        """The cause."""
+        self.problems.append(f"{job.cell.label}: {ended.message}")
+        self._show(self.problems[-1])
 
 
 class StopRequest:
@@ -164,6 +191,7 @@ def carry_out_agenda(
         if not stop():
             _look_at_data(agenda, rebuild, stop, watcher)
         if not stop():
+            folder.set_aside(agenda.again)
             busy = _train(agenda, expected, folder, stop, watcher, tally)
             if wait:
                 busy = _follow(agenda, expected, busy, folder, stop, watcher, tally)

@@ -5,6 +5,7 @@ By rules of counts and sizes, never of measured times: a plan that is asked for 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from lfobench.files import cache_folder
 from lfobench.plan.planning import Plan
 from lfobench.processes import available_cores
 from lfobench.schedule.agenda import Agenda, Forecast, forecast, make_agenda
+from lfobench.source_code import in_session
 from lfobench.store.folder import RecordsRead
 
 # Jobs that share a CUDA device: one keeps it busy, the others load, record and wait.
@@ -29,7 +31,9 @@ PROCESS_BYTES = 400 * 2**20
 MOST_THREADS = 4
 
 
-def arranged(plan: Plan, read: RecordsRead, out: Path, workers: int | None) -> tuple[Agenda, Forecast]:
+def arranged(
+    plan: Plan, read: RecordsRead, out: Path, workers: int | None, rerun: bool = False
+) -> tuple[Agenda, Forecast]:
     """What is left of a plan, arranged for this machine, and how long it will take; writes nothing.
 
     Args:
@@ -37,11 +41,12 @@ def arranged(plan: Plan, read: RecordsRead, out: Path, workers: int | None) -> t
         read: the records that are there.
         out: the output folder.
         workers: jobs at once that the user asked for.
+        rerun: whether what is done is to be done again.
 
     Raises:
         UserError: for a run whose records contradict each other.
     """
-    agenda = make_agenda(plan, read, out, cache_folder(), workers or available_cores())
+    agenda = make_agenda(plan, read, out, cache_folder(), workers or available_cores(), rerun)
     prober = Prober(plan.device)
     agenda = packed(agenda, prober, memory_of(torch.device(plan.device)), available_cores(), workers)
     return agenda, forecast(agenda, prober)
@@ -60,6 +65,9 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
     if not agenda.jobs:
         return agenda
     on_cuda = agenda.plan.device == "cuda"
+    here_only = {job.cell.method.name for job in agenda.jobs if in_session(job.cell.method)}
+    # Threads of this process know what it knows; other processes do not.
+    wanted = 1 if here_only and not on_cuda else workers or (LANES if on_cuda else cores)
     problems: dict[str, Warning] = {}
     footprints = [_footprint(prober, job, on_cuda, problems) for job in agenda.jobs]
     jobs: list[Job] = []
@@ -71,12 +79,18 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
         split += len(groups) > 1
         jobs += [replace(job, seeds=group) for group in groups]
         totals += [footprint.total(len(group)) for group in groups]
-    wanted = workers or (LANES if on_cuda else cores)
     count = fitting_together(totals, memory.free, wanted)
-    notes = [*_split_note(split, memory), *_fewer_notes(count, min(wanted, len(jobs)), memory, max(totals))]
+    notes = [
+        *_session_note(here_only),
+        *_split_note(split, memory),
+        *_fewer_notes(count, min(wanted, len(jobs)), memory, max(totals)),
+    ]
     notes += problems.values()
     if on_cuda:
-        jobs = [replace(job, evaluators=min(len(job.seeds), max(1, cores // count))) for job in jobs]
+        beside = max(1, cores // count)
+        jobs = [
+            job if in_session(job.cell.method) else replace(job, evaluators=min(len(job.seeds), beside)) for job in jobs
+        ]
     elif workers is None:
         jobs = [replace(job, threads=_threads(len(jobs), cores)) for job in jobs]
     return replace(agenda, jobs=jobs, workers=count, notes=notes)
@@ -102,6 +116,13 @@ def _footprint(prober: Prober, job: Job, on_cuda: bool, problems: dict[str, Warn
             remedy="It is planned as if it needed none: give --workers if memory is short.",
         )
     return footprint if on_cuda else replace(footprint, fixed=footprint.fixed + PROCESS_BYTES)
+
+
+def _session_note(names: Collection[str]) -> list[Warning]:
+    if not names:
+        return []
+    what = f"No other process can import the class of {', '.join(sorted(names))}, so everything runs in this one."
+    return [Warning(what=what, remedy="No number changes; a class in a file that can be imported runs on all cores.")]
 
 
 def _split_note(split: int, memory: Memory) -> list[Warning]:

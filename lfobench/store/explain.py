@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from lfobench.contract.record import Record, canonical_json
@@ -21,6 +22,7 @@ class Explanation:
         headline: the decision in words.
         differences: fields in which the nearest record differs, ``field: record's -> wanted``; of a reused record
             only its data, where the cache now holds other data under the same description.
+        aside: earlier records of the run, which ``--rerun`` trained anew.
     """
 
     run: str
@@ -28,6 +30,7 @@ class Explanation:
     reused: bool
     headline: str
     differences: tuple[str, ...]
+    aside: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """For scripts."""
@@ -36,17 +39,27 @@ class Explanation:
             "identity": self.identity,
             "reused": self.reused,
             "differences": list(self.differences),
+            "aside": list(self.aside),
         }
 
 
-def explain(run: Run, records: Sequence[Record], data: Mapping[str, str]) -> Explanation:
+def explain(run: Run, records: Sequence[Record], data: Mapping[str, str], aside: Sequence[Path] = ()) -> Explanation:
     """Compare a run with the records of its method and task.
 
     Args:
         run: what is asked for.
         records: what there is.
         data: fingerprints of the run's data as the cache holds it, by part; without the parts that it lacks.
+        aside: earlier records of the run.
     """
+    found = _compared(run, records, data)
+    if not aside:
+        return found
+    places = tuple(map(str, aside))
+    return replace(found, headline=f"{found.headline} (trained before, set aside: {', '.join(places)})", aside=places)
+
+
+def _compared(run: Run, records: Sequence[Record], data: Mapping[str, str]) -> Explanation:
     short = run.identity_hash[:12]
     same = next((record for record in records if record.identity_hash == run.identity_hash), None)
     if same is not None:

@@ -8,7 +8,8 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from itertools import pairwise
+from datetime import UTC, datetime
+from itertools import count, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -18,7 +19,7 @@ from lfobench.contract.failure import Failure
 from lfobench.contract.identity import first_problem
 from lfobench.contract.record import MOST_BYTES, SCHEMA, Record, Warning, content_hash
 from lfobench.errors import UserError
-from lfobench.files import read_within, remove_leftovers, write_text
+from lfobench.files import Held, locked, read_within, remove_leftovers, write_text
 
 if TYPE_CHECKING:
     from lfobench.plan.cells import Run  # torch, which nobody who only reads records should wait for
@@ -30,6 +31,9 @@ FAILURE_SUFFIX = ".failure"
 
 TUNING = "tuning"
 """Folder below an output folder where ``lfobench tune`` keeps its trials, whose records are nobody's results."""
+
+ASIDE = "aside"
+"""Folder below an output folder where ``lfobench run --rerun`` keeps what it trains anew, in a folder per command."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,7 @@ class RecordFolder:
         return read
 
     def files(self) -> list[Path]:
-        """Every JSON file below the folder, in order, but those that ``lfobench tune`` keeps in folders of its own.
+        """Every JSON file below the folder, in order, but those of trials and those that were set aside.
 
         Raises:
             UserError: when the folder does not exist or cannot be looked into.
@@ -141,13 +145,58 @@ class RecordFolder:
             raise UserError(f"Cannot look into {self.root}: {error.strerror}.", "Choose another --out.") from error
 
     def found(self, pattern: str) -> list[Path]:
-        """Files below the folder that match, in order, without those of trials."""
-        return sorted(path for path in self.root.rglob(pattern) if not self._of_trials(path))
+        """Files below the folder that match, in order, without those of trials and those that were set aside."""
+        return sorted(path for path in self.root.rglob(pattern) if not self._apart(path))
 
-    def _of_trials(self, path: Path) -> bool:
+    def _apart(self, path: Path) -> bool:
         # Below `records`, a folder of that name holds the results of a task of that name.
         below = ("", *path.parts[len(self.root.parts) :])
-        return any(folder == TUNING and above != "records" for above, folder in pairwise(below))
+        return any(folder in (TUNING, ASIDE) and above != "records" for above, folder in pairwise(below))
+
+    def set_aside(self, runs: Sequence[Run]) -> None:
+        """Move all that runs have left to a new folder below `ASIDE`, whence no view reads.
+
+        Every file is moved by renaming, a record after what belongs to it: a kill in between loses nothing, and no
+        record is gone whose policy another training would then write over.
+
+        Raises:
+            UserError: another process trains one of the runs, or the disk refuses.
+        """
+        if not runs or not self.root.exists():
+            return
+        # At their own place, one that cannot be read is kept, too; elsewhere there may be copies.
+        records = {run.identity_hash: [self.path(run)] for run in runs}
+        for path in self.files():
+            record = read_record(path)
+            if isinstance(record, Record) and path not in records.get(record.identity_hash, [path]):
+                records[record.identity_hash].append(path)
+        aside = self._new_aside()
+        try:
+            for run in runs:
+                self.checkpoints.mkdir(exist_ok=True)
+                with locked(self.lock(run), "--out"):
+                    belonging = [self.checkpoint(run), self._policy(run), self.failure(run)]
+                    for path in (*belonging, *records[run.identity_hash]):
+                        if path.exists():
+                            target = aside / path.relative_to(self.root)
+                            target.parent.mkdir(parents=True, exist_ok=True)
+                            path.rename(target)
+        except Held as error:
+            raise UserError(f"Another process trains {run.label}.", "Wait for it, or stop it.") from error
+        except OSError as error:
+            raise UserError(f"Cannot set {run.label} aside: {error}.", "Free the folder, or choose another.") from error
+
+    def _policy(self, run: Run) -> Path:
+        return (self.root / "policies" / self.path(run).relative_to(self.records)).with_suffix(".safetensors")
+
+    def _new_aside(self) -> Path:
+        stamp = datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%SZ")
+        places = (self.root / ASIDE / (stamp if number == 1 else f"{stamp}-{number}") for number in count(1))
+        return next(place for place in places if not place.exists())
+
+    def earlier(self, run: Run) -> list[Path]:
+        """Records of a run that were set aside."""
+        return sorted((self.root / ASIDE).glob(f"*/{self.path(run).relative_to(self.root)}"))
 
 
 @dataclass
@@ -163,6 +212,26 @@ class RecordsRead:
     records: list[Record] = field(default_factory=list)
     warnings: list[Warning] = field(default_factory=list)
     contradicted: dict[str, list[Path]] = field(default_factory=dict)
+
+    def without(self, runs: Sequence[Run]) -> RecordsRead:
+        """The same but for what these runs have left."""
+        gone = {run.identity_hash for run in runs}
+        kept = [record for record in self.records if record.identity_hash not in gone]
+        contradicted = {identity: paths for identity, paths in self.contradicted.items() if identity not in gone}
+        return RecordsRead(kept, self.warnings, contradicted)
+
+
+def read_folder(out: Path) -> RecordsRead:
+    """The records of an output folder; none where it does not exist yet.
+
+    Raises:
+        UserError: it cannot be looked into.
+    """
+    try:
+        absent = not out.exists()
+    except OSError as error:
+        raise UserError(f"Cannot look into {out}: {error.strerror}.", "Choose another --out.") from error
+    return RecordsRead() if absent else RecordFolder(out).read_all()
 
 
 @contextmanager

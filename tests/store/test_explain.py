@@ -72,4 +72,4 @@ def test_every_leaf_that_differs_is_named() -> None:
 
 def test_for_scripts() -> None:
     answer = explain(Run(smoke_cell("dilo"), 0), [], {}).as_json()
-    assert set(answer) == {"run", "identity", "reused", "differences"}
+    assert set(answer) == {"run", "identity", "reused", "differences", "aside"}

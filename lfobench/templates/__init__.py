@@ -1,0 +1,1 @@
+"""Files that `lfobench new` copies; each is a whole one that runs."""
