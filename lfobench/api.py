@@ -317,9 +317,17 @@ def hold_against(table: Table, publication: str, margin: float, anyway: bool) ->
 
 
 def plot(
-    kind: str, out: str | Path, *, statistic: str | None = None, width: str = "column", **filters: Unpack[Filters]
+    kind: str,
+    out: str | Path,
+    *,
+    statistic: str | None = None,
+    width: str = "column",
+    metric: str | Sequence[str] = (),
+    **filters: Unpack[Filters],
 ) -> PaperFigure:
     """A figure of a folder of records, as ``lfobench plot`` draws it; its ``caption`` says what it shows.
+
+    `metric` names the training metrics of the kind ``metrics``; all of them unless it does.
 
     Raises:
         UserError: as the command line says it.
@@ -329,7 +337,14 @@ def plot(
 
     check_kind(kind)
     selection = _selected(out, **filters)
-    return draw(kind, selection.table(*knobs(selection.records, statistic)), selection.records, width, COLUMN_ORDER)
+    return draw(
+        kind,
+        selection.table(*knobs(selection.records, statistic)),
+        selection.records,
+        width,
+        COLUMN_ORDER,
+        [metric] if isinstance(metric, str) else metric,
+    )
 
 
 def report(

@@ -28,6 +28,10 @@ class _Console(Console):
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(harmless_lines(segment.text), segment.style)
 
+    def print(self, *objects: Any, **how: Any) -> None:
+        # A number that is wider than the terminal is broken by it, not cut.
+        super().print(*objects, **{"crop": False, **how})
+
     def out(self, *objects: Any, **how: Any) -> None:
         super().out(*(harmless_lines(str(each)) for each in objects), **how)
 

@@ -24,7 +24,8 @@ def plot(
         str,
         typer.Argument(
             help="curves (score against steps), scores (every seed), profiles (fraction of runs above a score), "
-            "improvement (probability that one method beats another) or ranking (critical differences); "
+            "improvement (probability that one method beats another), ranking (critical differences) or metrics (of "
+            "training); "
             "or a suite, by name or path, whose tasks are then seen from above."
         ),
     ],
@@ -40,6 +41,9 @@ def plot(
     source: selection.SourceFilter = None,
     preset: selection.PresetFilter = None,
     methods: selection.MethodsFilter = None,
+    metric: Annotated[
+        list[str] | None, typer.Option("--metric", help="Of kind metrics: which to draw, repeatable. Default: all.")
+    ] = None,
     view: Annotated[
         str | None,
         typer.Option(
@@ -75,15 +79,17 @@ def plot(
 
     wanted = scene.View(view, tasks, seed, episodes)
     above = scene.kind_of(kind, wanted)
-    if above and (suite is not None or statistic is not None):
-        raise UserError(f"--suite and --stat are for figures of scores; {kind} is a suite.", "Leave them out.")
+    if above and (suite is not None or statistic is not None or metric):
+        raise UserError(
+            f"--suite, --stat and --metric are for figures of scores; {kind} is a suite.", "Leave them out."
+        )
     format_name = format_of(to)
     selected = selection.select_records(out, kind if above else suite, protocol, steps, source, preset, methods)
     if above:
         figure = scene.draw(kind, above, wanted, selected, out, WIDTHS[width.value])
     else:
         table = selected.table(*knobs(selected.records, statistic))
-        figure = draw(kind, table, selected.records, width.value, COLUMN_ORDER)
+        figure = draw(kind, table, selected.records, width.value, COLUMN_ORDER, metric or ())
     with replacing(to) as temporary:
         figure.savefig(temporary, format=format_name)
     output.out(figure.caption, highlight=False)

@@ -46,8 +46,8 @@ def aligned(columns: Sequence[str], sections: Sequence[Section], width: int) -> 
     numbers = sum(_GAP + each for each in widths)
     narrow = stub + numbers > width
     indent = _GAP if narrow else stub
-    yield Text(" " * indent + _cells(columns, widths), "bold", no_wrap=True)
-    yield Text("─" * min(indent + numbers, width), "dim", no_wrap=True)
+    yield Text(" " * indent + _cells(columns, widths), "bold", no_wrap=True, overflow="ignore")
+    yield Text("─" * min(indent + numbers, width), "dim", no_wrap=True, overflow="ignore")
     for section in sections:
         if section.heading:
             yield Text(section.heading, section.style)

@@ -60,12 +60,12 @@ class _Drawing:
     def part(self, start: int, stop: int) -> Iterator[Text]:
         """The lines of ``columns[start:stop]``: headings, then blocks of rows."""
         columns, widths = self.table.columns[start:stop], self._widths(start, stop)
-        rule = Text("─" * self._total(widths), "dim", no_wrap=True)
+        rule = Text("─" * self._total(widths), "dim", no_wrap=True, overflow="ignore")
         yield from self._headings(columns, widths)
         yield rule
         position = 0
         for block in self.table.blocks:
-            yield Text(harmless(block.label), "bold", no_wrap=True)
+            yield Text(harmless(block.label), "bold", no_wrap=True, overflow="ignore")
             for row in block.rows:
                 yield self._line(
                     " " * _GAP + harmless(row.label), [cells[position] for cells in self.cells[start:stop]], widths
@@ -74,7 +74,10 @@ class _Drawing:
         yield rule
 
     def _headings(self, columns: tuple[Column, ...], widths: list[int]) -> Iterator[Text]:
-        names, rules = Text(" " * self.stub_width, no_wrap=True), Text(" " * self.stub_width, no_wrap=True)
+        names, rules = (
+            Text(" " * self.stub_width, no_wrap=True, overflow="ignore"),
+            Text(" " * self.stub_width, no_wrap=True),
+        )
         for group in column_groups(columns):
             name = Text(group.label, "italic")
             name.align("center", _span(group, widths))
@@ -86,7 +89,7 @@ class _Drawing:
         yield self._line("", [Text(column.label, "bold") for column in columns], widths)
 
     def _line(self, stub: str, cells: list[Text], widths: list[int]) -> Text:
-        line = Text(stub, no_wrap=True)
+        line = Text(stub, no_wrap=True, overflow="ignore")
         line.pad_right(self.stub_width - cell_len(stub))
         for cell, width in zip(cells, widths, strict=True):
             line.append(" " * (_GAP + width - cell.cell_len)).append_text(cell)

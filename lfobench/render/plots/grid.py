@@ -26,19 +26,21 @@ _HANDLE_INCHES = 0.55
 
 
 def panels(
-    titles: Sequence[str], width: float, panel_height: float, share_x: bool = True
+    titles: Sequence[str], width: float, panel_height: float, share_x: bool = True, share_y: bool = True
 ) -> tuple[PaperFigure, list[Axes]]:
     """A figure of `width` inches with one panel of about `panel_height` inches per title, in rows of equal length."""
     across = min(len(titles), max(1, int(width / _PANEL_INCHES)))
     down = math.ceil(len(titles) / across)
     across = math.ceil(len(titles) / down)
     inches = (width - _LABELS_INCHES) / across
-    headings = [wrapped(title, LABEL_SIZE, inches - 0.1) for title in titles]
+    # Where axes are not shared, the labels of each take room beside it.
+    room = inches - 0.1 - (0.0 if share_y else _LABELS_INCHES)
+    headings = [wrapped(title, LABEL_SIZE, room) for title in titles]
     title_height = max(text_height(heading, LABEL_SIZE) for heading in headings)
     fitting = (_PAGE_INCHES - _LABELS_INCHES) / down - title_height
     panel_height = min(panel_height, max(panel_height / 2.0, fitting))
     figure = PaperFigure(width, down * (panel_height + title_height) + _LABELS_INCHES)
-    grid = figure.subplots(down, across, sharex=share_x, sharey=True, squeeze=False)
+    grid = figure.subplots(down, across, sharex=share_x, sharey=share_y, squeeze=False)
     cells: list[Axes] = list(grid.flat)
     for axes in cells[len(titles) :]:
         axes.remove()

@@ -10,6 +10,7 @@ from lfobench.errors import UserError, unknown_name
 from lfobench.render.plots.curves import curves
 from lfobench.render.plots.figure import PaperFigure
 from lfobench.render.plots.improvement import improvement
+from lfobench.render.plots.metrics import metrics
 from lfobench.render.plots.profiles import profiles
 from lfobench.render.plots.ranking import ranking
 from lfobench.render.plots.scores import scores
@@ -29,6 +30,7 @@ PLOTS: dict[str, Plot] = {
     "profiles": _of_table(profiles),
     "improvement": lambda table, _records, width, _methods: improvement(table, width),
     "ranking": _of_table(ranking),
+    "metrics": metrics,
 }
 
 
@@ -48,6 +50,7 @@ def draw(
     records: Sequence[Record],
     width: str = "column",
     methods: Sequence[str] = (),
+    names: Sequence[str] = (),
 ) -> PaperFigure:
     """The figure of this kind.
 
@@ -57,6 +60,7 @@ def draw(
         records: with the evaluations, which learning curves need.
         width: one of `style.WIDTHS`.
         methods: names in the order in which colours are handed out, see `style.looks`.
+        names: of the training metrics that ``metrics`` draws; empty for all.
 
     Raises:
         UserError: an unknown kind or width, or too few tasks or methods for this kind.
@@ -66,4 +70,10 @@ def draw(
         raise unknown_name("width", width, WIDTHS)
     if not any(column.run_here for column in table.columns):
         raise UserError("There are no runs to draw.", "Run `lfobench run` first.")
+    if kind == "metrics":
+        return metrics(table, records, WIDTHS[width], methods, names)
+    if names:
+        raise UserError(
+            f"--metric chooses training metrics, and '{kind}' draws scores.", "Draw 'metrics', or leave it out."
+        )
     return PLOTS[kind](table, records, WIDTHS[width], methods)

@@ -17,7 +17,7 @@ from helpers_cli import PATIENCE
 from helpers_records import make_cell
 from matplotlib.text import Text
 
-from lfobench.contract.record import Record
+from lfobench.contract.record import Metrics, Record
 from lfobench.errors import UserError
 from lfobench.render.building import build_table
 from lfobench.render.plots.figure import FORMATS, PaperFigure, format_of
@@ -46,7 +46,12 @@ def shared(kind: str) -> PaperFigure:
 
 
 def drawn(kind: str, records: list[Record]) -> PaperFigure:
-    return draw(kind, build_table(records), records)
+    loss = [
+        Metrics(stage="train", step=100, values={"loss": 2.0}),
+        Metrics(stage="train", step=200, values={"loss": 1.0}),
+    ]
+    measured = [record.model_copy(update={"metrics": loss}) for record in records]
+    return draw(kind, build_table(measured), measured)
 
 
 @pytest.mark.parametrize("kind", PLOTS)
