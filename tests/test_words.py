@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from lfobench.words import counted, harmless, shown
+from lfobench.words import counted, harmless, harmless_lines, short_number, shown
 
 
 def test_one_is_singular() -> None:
@@ -31,3 +31,23 @@ def test_text_from_outside_is_escaped_and_short(text: str, expected: str) -> Non
 
 def test_a_path_stays_what_it_is_but_for_what_a_terminal_obeys() -> None:
     assert harmless("/we  ird/\x1b[2J.hdf5\nnext") == "/we  ird/\\x1b[2J.hdf5 next"
+
+
+def test_lines_and_tabs_of_longer_text_stay() -> None:
+    assert harmless_lines("a\n\tb\r\x1b\u2028c") == "a\n\tb\\r\\x1b\\u2028c"
+
+
+@pytest.mark.parametrize(
+    ("value", "form", "expected"),
+    [
+        (97.94, "z.1f", "97.9"),
+        (-0.04, "z.1f", "0.0"),
+        (999_999.94, "z.1f", "999999.9"),
+        (1.25e12, "z.1f", "1.2e12"),
+        (-1.7e308, "z.1f", "-1.7e308"),
+        (3e6, "+z.1f", "+3.0e6"),
+        (12_135.0, ",.1f", "12,135.0"),
+    ],
+)
+def test_numbers_stay_short(value: float, form: str, expected: str) -> None:
+    assert short_number(value, form) == expected

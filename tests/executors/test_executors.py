@@ -20,10 +20,13 @@ from helpers_engine import (
     smoke_cell,
 )
 
+from lfobench.cli.progress import Terminal
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.executors import local, pool
 from lfobench.executors.events import CarryOut, Ended, Event
+from lfobench.store.failures import read_failures, write_failure
+from lfobench.store.folder import RecordFolder
 
 pytestmark = pytest.mark.slow
 
@@ -73,6 +76,23 @@ def test_a_bug_in_one_method_leaves_the_others_alone(tmp_path: Path, shared_cach
     jobs = [make_job(cell_of(method), [0], tmp_path, shared_cache) for method in (Raising, Drifting)]
     events = list(local.execute(jobs, carry_out, never))
     assert outcomes(events) == {0: "failed", 1: "done"}
+    (line,) = endings(events)[0].place
+    assert "helpers_engine.py:" in line
+    assert line.endswith('in update: raise RuntimeError("a bug in somebody\'s method")')
+
+
+def test_a_failure_shows_the_users_own_lines_and_keeps_them(
+    tmp_path: Path, shared_cache: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = make_job(cell_of(Raising), [0], tmp_path, shared_cache)
+    (ended,) = endings(list(local.execute([job], carry_out, never))).values()
+    folder = RecordFolder(tmp_path)
+    path = write_failure(folder, job.runs[0], f"{ended.message}\x1b[2J", ended.detail, ended.place)
+    Terminal(quiet=True).failed(job, ended, [path])
+    shown = capsys.readouterr().err.splitlines()
+    assert "a bug in somebody's method" in shown[0] and "raise RuntimeError" in shown[1] and str(path) in shown[2]
+    (failure,), warnings = read_failures(folder, [])
+    assert not warnings and tuple(failure.place) == ended.place
 
 
 def test_missing_data_is_reported_without_a_traceback(tmp_path: Path) -> None:

@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from helpers_folders import write_records
 from helpers_records import make_record
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lfobench
-from lfobench.contract.record import Evaluation, Record, Warning, content_hash
+from lfobench.contract.record import Evaluation, Metrics, Record, Warning, content_hash
 from lfobench.errors import UserError
 from lfobench.store.folder import SEAL, RecordFolder, read_record
 from lfobench.store.frame import RUN_COLUMNS
@@ -460,3 +461,43 @@ def test_an_empty_folder_is_an_empty_frame(tmp_path: Path) -> None:
     assert "score" in frame.columns
     with pytest.raises(UserError, match="No folder"):
         lfobench.load(tmp_path / "absent")
+
+
+def trained(method: str, seed: int, *rows: Metrics) -> Record:
+    return make_record(50.0, method, seed).model_copy(update={"metrics": list(rows)})
+
+
+def test_training_metrics_are_columns(tmp_path: Path) -> None:
+    records = [
+        trained(
+            "dilo",
+            0,
+            Metrics(stage="fit", step=10, values={"loss": 3.0}),
+            Metrics(stage="train", step=100, values={"loss": 2.0, "seed": 5.0}),
+            Metrics(stage="train", step=200, values={"loss": None, "seed": 6.0}),
+        ),
+        trained("bc", 1, Metrics(stage="train", step=100, values={"entropy": -1.5})),
+        trained("oril", 2),
+    ]
+    frame = lfobench.load(write_records(tmp_path, records), metrics=True)
+    assert list(frame.columns) == [*RUN_COLUMNS, "stage", "step", *sorted_metrics(frame), "identity"]
+    dilo = frame[frame["method"] == "dilo"]
+    assert list(zip(dilo["stage"], dilo["step"], strict=True)) == [("fit", 10), ("train", 100), ("train", 200)]
+    assert list(dilo["loss"][:2]) == [3.0, 2.0] and dilo["loss"].isna().tolist() == [False, False, True]
+    assert list(dilo["metric_seed"][1:]) == [5.0, 6.0] and set(dilo["seed"]) == {0}
+    (cloned,) = frame[frame["method"] == "bc"].to_dict("records")
+    assert cloned["entropy"] == -1.5 and np.isnan(cloned["loss"]) and cloned["identity"] == records[1].identity_hash
+    assert "oril" not in set(frame["method"])
+    assert frame["seed"].dtype == np.int64 and frame["step"].dtype == np.int64
+
+
+def sorted_metrics(frame: pd.DataFrame) -> list[str]:
+    """The columns of metrics, in the frame's order."""
+    found = [name for name in frame.columns if name in ("loss", "entropy", "metric_seed")]
+    assert sorted(found) == ["entropy", "loss", "metric_seed"]
+    return found
+
+
+def test_metrics_and_episodes_are_different_rows(folder: Path) -> None:
+    with pytest.raises(UserError, match="not both"):
+        lfobench.load(folder, metrics=True, episodes=True)
