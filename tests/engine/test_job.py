@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -315,6 +316,11 @@ def corrupt_empty(path: Path, other: Path) -> None:
     path.write_bytes(b"")
 
 
+def corrupt_pipe(path: Path, other: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
 def corrupt_text(path: Path, other: Path) -> None:
     path.write_text("not a checkpoint", encoding="utf-8")
 
@@ -328,7 +334,8 @@ def corrupt_progress(path: Path, other: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "corrupt", [corrupt_nothing, corrupt_cut, corrupt_empty, corrupt_text, corrupt_swapped, corrupt_progress]
+    "corrupt",
+    [corrupt_nothing, corrupt_cut, corrupt_empty, corrupt_pipe, corrupt_text, corrupt_swapped, corrupt_progress],
 )
 def test_a_useless_checkpoint_starts_afresh(
     corrupt: Callable[[Path, Path], None], tmp_path: Path, shared_cache: Path
