@@ -1,9 +1,9 @@
-"""What a run's evaluations are reduced to: one number out of a learning curve."""
+"""The score of a run: one number out of its learning curve; exact means, and when two scores are level."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,6 +12,12 @@ from lfobench.errors import UserError
 _TAIL = 5
 _LONGEST_STEP = 18
 
+_POINTS = 1e-8
+"""Sums of a thousand rewards differ by less, in points of 100 from random to expert, by the order of their terms."""
+
+_RELATIVE = 1e-12
+"""Of the largest score: numbers of that size are rounded, however close together they lie."""
+
 
 @dataclass(frozen=True)
 class Statistic:
@@ -19,8 +25,8 @@ class Statistic:
 
     Attributes:
         name: `last5`: the last five, or all where there are fewer; `last`: the last one; `best`: the one with the
-            highest score; `at`: the one at `step`; `success`: the last one and the episodes from further starts, of
-            which the score is the percentage that succeeded.
+            highest score, the first of several; `at`: the one at `step`; `success`: the last one and the episodes from
+            further starts, of which the score is the percentage that succeeded.
         step: gradient step of `at`; None for the others.
     """
 
@@ -38,7 +44,7 @@ class Statistic:
         if self.name in ("last", "success"):
             return everything[-1:]
         if self.name == "best":
-            return [max(everything, key=lambda index: scores[index])]
+            return [next(index for index in everything if max(scores) - scores[index] <= tie(scores))]
         return [index for index in everything if steps[index] == self.step]
 
 
@@ -75,3 +81,11 @@ def mean(values: Sequence[float]) -> float:
     share = 2.0 ** len(values).bit_length()
     exact = math.fsum(value / share for value in values) / (len(values) / share)
     return min(max(exact, min(values)), max(values))
+
+
+def tie(*scores: Iterable[float]) -> float:
+    """The largest difference between such scores, in points, that is none: rounding alone may have made it.
+
+    Every test, every choice of the best and every verdict asks here, so that none rests on such a difference.
+    """
+    return max(_POINTS, _RELATIVE * max((abs(score) for each in scores for score in each), default=0.0))

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lfobench.contract.statistic import tie
 from lfobench.stats.bootstrap import (
     REPLICATES,
     Counts,
@@ -26,7 +27,6 @@ from lfobench.stats.bootstrap import (
     strata,
 )
 from lfobench.stats.intervals import Estimate, Interval, check_probability
-from lfobench.stats.summary import tie
 
 
 def interquartile_mean(scores: Scores, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0) -> Estimate:

@@ -22,11 +22,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lfobench.contract.statistic import tie
 from lfobench.stats import permutation
 from lfobench.stats.names import HighlightTest, Test
 from lfobench.stats.proportions import fisher_test
 from lfobench.stats.sample import Sample, counted
-from lfobench.stats.summary import Summary, difference, summarize, tie
+from lfobench.stats.summary import Summary, difference, summarize
 
 PAIRED: frozenset[Test] = frozenset({"paired-t", "wilcoxon", "paired-permutation"})
 """Tests over common start states."""

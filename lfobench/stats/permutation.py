@@ -16,7 +16,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from lfobench.stats.summary import tie
+from lfobench.contract.statistic import tie
 
 Vector = NDArray[np.float64]
 

@@ -1,18 +1,12 @@
-"""What a table cell says about its samples: how many, their mean and their spread; and when scores are level."""
+"""What a table cell says about its samples: how many, their mean and their spread."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lfobench.contract.statistic import mean
-
-_POINTS = 1e-8
-"""Sums of a thousand rewards differ by less, in points of 100 from random to expert, by the order of their terms."""
-
-_RELATIVE = 1e-12
-"""Of the largest score: numbers of that size are rounded, however close together they lie."""
+from lfobench.contract.statistic import mean, tie
 
 
 @dataclass(frozen=True)
@@ -29,14 +23,6 @@ class Summary:
     n: int
     mean: float
     std: float | None
-
-
-def tie(*scores: Iterable[float]) -> float:
-    """The largest difference between such scores, in points, that is none: rounding alone may have made it.
-
-    Every test, every choice of the best and every verdict asks here, so that none rests on such a difference.
-    """
-    return max(_POINTS, _RELATIVE * max((abs(score) for each in scores for score in each), default=0.0))
 
 
 def difference(first: Summary, second: Summary) -> float:

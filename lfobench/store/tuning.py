@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from lfobench.contract.record import MOST_BYTES, Record, Tuning, content_hash
-from lfobench.contract.statistic import Statistic
+from lfobench.contract.statistic import Statistic, tie
 from lfobench.errors import UserError
 from lfobench.files import read_within, write_text
 from lfobench.plan.cells import Cell, Run
@@ -65,17 +65,18 @@ class Choice(_Model):
 
 
 def best(trials: Sequence[Trial], untuned: Mapping[str, Any]) -> Trial:
-    """The trial of the highest score; of equal ones, that with the fewest diverged seeds.
+    """The trial of the highest score; of those that are level, that with the fewest diverged seeds.
 
     Of those, the one that keeps the most of the `untuned` values, because a tie is no reason to leave them; then the
     first.
     """
 
-    def merit(trial: Trial) -> tuple[float, int, int]:
+    def merit(trial: Trial) -> tuple[int, int]:
         kept = sum(untuned.get(field) == value for field, value in trial.values.items())
-        return trial.score, -len(trial.diverged), kept
+        return -len(trial.diverged), kept
 
-    return max(trials, key=merit)
+    scores = [trial.score for trial in trials]
+    return max((trial for trial in trials if max(scores) - trial.score <= tie(scores)), key=merit)
 
 
 def choose(search: Search, starts: int, records: Sequence[Sequence[Record]], earlier: Sequence[Record] = ()) -> Choice:

@@ -148,3 +148,73 @@ def test_a_statistic_or_a_test_of_scores_is_taken_by_every_view(tmp_path: Path, 
         assert evidence(page.read_text(encoding="utf-8"))["rows"][0]["p"]["welch"] == [p]
     with_fisher = evidence(lfobench.report(out))["rows"][0]["p"]
     assert with_fisher["welch"] == [pytest.approx(float(ttest_ind(*rates.values(), equal_var=False).pvalue))], "a knob"
+
+
+# --- differences of rounding size ------------------------------------------------------------------------------------
+
+FIVE_EVALUATIONS = (28.1, 29.3, 31.7, 30.9, 31.6)
+
+
+def ordered(method: str, order: tuple[int, ...], shift: float = 0.0, **options: Any) -> list[Record]:
+    """Three seeds with the same five evaluation scores, in this order."""
+    return [
+        record.model_copy(
+            update={
+                "evaluations": [
+                    each.model_copy(update={"returns": [10.0 * (FIVE_EVALUATIONS[index] + shift)] * 2})
+                    for each, index in zip(record.evaluations, order, strict=True)
+                ]
+            }
+        )
+        for record in make_cell([0.0] * 3, method, **options)
+    ]
+
+
+ORDERS = ((0, 1, 2, 3, 4), (0, 1, 2, 4, 3))
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-9])
+@pytest.mark.parametrize("test", ["welch", "student", "paired-t", "wilcoxon", "permutation", "mann-whitney"])
+def test_the_same_scores_in_another_order_are_level(
+    test: str, shift: float, tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    """Sums in floating point differ by 7e-15 with the order of their terms."""
+    assert sum(FIVE_EVALUATIONS) != sum(FIVE_EVALUATIONS[index] for index in ORDERS[1])
+    both = [*ordered("dilo", ORDERS[0], shift), *ordered("bco", ORDERS[1])]
+    out = write_records(tmp_path / "runs", both)
+    (row,) = json.loads(lfobench_command("table", "--out", out, "--test", test, "--format", "json").out)["rows"]
+    assert (row["outcome"], row["p"]) == ("undecided", 1.0)
+    assert [cell["highlighted"] for cell in row["cells"]] == [True, True]
+    compared = json.loads(lfobench_command("compare", "dilo", "bco", "--out", out, "--test", test, "--json").out)
+    assert [(cell["verdict"], cell["p"], cell["difference"]) for cell in compared["cells"]] == [("undecided", 1.0, 0.0)]
+
+
+@pytest.mark.parametrize("shift", [0.0, -1e-9])
+@pytest.mark.parametrize("test", ["welch", "paired-t", "paired-permutation"])
+def test_the_gate_does_not_close_for_rounding(
+    test: str, shift: float, tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    folders = [
+        write_records(tmp_path / name, ordered("dilo", order, by))
+        for name, order, by in (("before", ORDERS[0], 0.0), ("after", ORDERS[1], shift))
+    ]
+    outcome = lfobench_command("compare", *folders, "--test", test, "--correction", "none")
+    assert outcome.code == 0
+    assert "worse on 0 cells, undecided on 1" in outcome.out
+    lower = write_records(tmp_path / "lower", ordered("dilo", ORDERS[1], -1.0))
+    closed = lfobench_command("compare", folders[0], lower, "--test", "paired-t")
+    assert closed.code == 1
+    assert "rests on no estimate of spread" in " ".join(closed.out.split()), "p = 0 from constant differences"
+
+
+def test_p_without_any_spread_is_said_to_be_a_limit(tmp_path: Path, lfobench_command: InProcess) -> None:
+    out = write_records(tmp_path / "runs", [*ordered("dilo", ORDERS[0], 1.0), *ordered("bco", ORDERS[1])])
+    table = json.loads(lfobench_command("table", "--out", out, "--format", "json").out)
+    assert (table["rows"][0]["outcome"], table["rows"][0]["p"]) == ("better", 0.0)
+    (note,) = [each["text"] for each in table["notes"] if each["label"] == "No spread"]
+    assert note.startswith("every row: on neither side do scores vary over seeds, so p is a limit")
+    mixed = json.loads(lfobench_command("table", "--out", out, "--format", "json", "--test", "permutation").out)
+    assert not [each for each in mixed["notes"] if each["label"] == "No spread"]
+    varied = write_records(tmp_path / "varied", [*make_cell([1.0, 2.0, 3.0]), *make_cell([1.0] * 3, "bco")])
+    found = json.loads(lfobench_command("table", "--out", varied, "--format", "json").out)
+    assert not [each for each in found["notes"] if each["label"] == "No spread"]

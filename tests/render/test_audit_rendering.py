@@ -126,3 +126,18 @@ def test_json_holds_the_findings_unrounded() -> None:
     assert counts["merely_the_largest_count"] == ["reach"]
     assert value["stated_contradictions"][0]["about"] == "data"
     assert value["verdict"] == verdict(audit)
+
+
+def test_what_the_printed_numbers_leave_open_is_said_with_its_range() -> None:
+    cells = {"dilo": PrintedMean(50.0, 0.0, 1.0, 1.0, 3, True), "bc": PrintedMean(49.0, 0.0, 1.0, 1.0, 3, False)}
+    of = TableOfMeans("T", (PublishedRow({"task": "hopper"}, cells),))
+    audit = Audit(Publication("t", "", (of,), ()), (audit_means(of, of.methods, Rule()),))
+    text = " ".join(printed(audit, 200).split())
+    assert "1 row is not decided by the printed numbers: hopper" in text
+    assert "± 0 may be up to ± 0.5, p up to 0.07" in text
+    assert "better" not in text
+    assert "1 not decided by the printed numbers" in verdict(audit)
+    (found,) = json.loads(json_audit(audit))["tables"]
+    assert found["by_n"][0]["not_decided_by_the_printed_numbers"] == ["hopper"]
+    low, high = found["by_n"][0]["rows"][0]["p_range"]
+    assert low == 0.0 and 0.07 < high < 0.08

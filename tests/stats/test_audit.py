@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import ttest_ind_from_stats
 
 from lfobench.contract.publication import (
     Claim,
@@ -121,6 +122,56 @@ def test_a_test_of_scores_is_refused() -> None:
         audit(table(APART), Rule("permutation"))
     with pytest.raises(ValueError, match="at least two samples"):
         audit(table(APART), n=(1,))
+
+
+# --- what print leaves open ------------------------------------------------------------------------------------------
+
+
+def whole(mean: float, std: float, highlighted: bool | None = None) -> PrintedMean:
+    return PrintedMean(mean, std, 1.0, 1.0, None, highlighted)
+
+
+def test_a_printed_zero_is_an_interval() -> None:
+    """50 ± 0 and 49 ± 0 of three samples: two spreads of 0.5 give p = 0.07, two of 0 give 0."""
+    of = table({"a": whole(50.0, 0.0, True), "b": whole(49.0, 0.0, False)}, n=(3,))
+    (row,) = audit(of).by_n[0].rows
+    largest = float(ttest_ind_from_stats(50.0, 0.5, 3, 49.0, 0.5, 3, equal_var=False).pvalue)
+    assert (row.p, row.decided, row.follows) == (pytest.approx(largest), False, None)
+    assert row.p_range is not None and row.p_range[0] == 0.0
+    assert 0.07 < largest <= row.p_range[1] < 0.075
+    assert audit(of).by_n[0].winners == audit(of).by_n[0].judged == []
+    effect = audit(of).effects[0]
+    assert effect is not None and effect.needed is not None
+    assert power_for(1.0, 0.5, 0.5, effect.needed) >= 0.8 > power_for(1.0, 0.5, 0.5, effect.needed - 1)
+    decided = audit(of, n=(10,)).by_n[0].rows[0]
+    assert decided.decided and decided.follows and (decided.p or 0.0) > 0.0, "0.5 is too small to matter with ten"
+
+
+@settings(max_examples=60)
+@given(
+    st.tuples(st.integers(0, 9), st.integers(0, 9)),
+    st.integers(1, 40),
+    st.integers(2, 9),
+    st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+)
+def test_every_spread_that_prints_alike_gives_a_p_in_the_range(
+    stds: tuple[int, int], difference: int, n: int, hidden: tuple[float, float]
+) -> None:
+    (row,) = audit(table({"a": whole(50.0 + difference, stds[0]), "b": whole(50.0, stds[1])}, n=(n,))).by_n[0].rows
+    true = [max(0.0, std + each) for std, each in zip(stds, hidden, strict=True)]
+    p = welch_test(Summary(n, 50.0 + difference, true[0]), Summary(n, 50.0, true[1]))
+    assert row.p_range is not None and p is not None
+    low, high = row.p_range
+    # Five spreads of each side are tried; between them p moves by less than this.
+    assert low - 0.02 <= p <= high + 0.02
+    assert row.decided == (high < 0.05 or low >= 0.05)
+
+
+def test_digits_that_are_printed_decide() -> None:
+    (row,) = audit(table({"a": cell(50.0, 0.0, True), "b": cell(49.0, 0.0, False)}, n=(3,))).by_n[0].rows
+    assert row.decided and row.follows
+    largest = float(ttest_ind_from_stats(50.0, 0.005, 3, 49.0, 0.005, 3, equal_var=False).pvalue)
+    assert row.p == pytest.approx(largest)
 
 
 # --- what it needed --------------------------------------------------------------------------------------------------
