@@ -52,7 +52,7 @@ def interquartile_statistic(pool: Strata) -> Callable[[Counts], Values]:
     def statistic(counts: Counts) -> Values:
         below = np.cumsum(counts[order] * weights, axis=0)
         kept = np.diff(np.clip(below, low, high), axis=0, prepend=low)
-        return np.asarray(values @ (kept / (high - low)))
+        return np.asarray(values @ kept / (high - low))
 
     return statistic
 
@@ -184,7 +184,7 @@ def _wins(first: Values, second: Values) -> Values:
 
 def _mean_of(pool: Strata, values: Values, level: float, replicates: int, seed: int) -> Estimate:
     """Mean over tasks of the mean over runs of any value ``[N]`` of the runs."""
-    shares = values * (pool.weights / values.size)
+    shares = values * pool.weights / values.size
     return _estimate(pool, lambda counts: shares @ counts, level, replicates, seed)
 
 

@@ -28,6 +28,9 @@ Scores: TypeAlias = Values | Sequence[Sequence[float] | Values]
 
 REPLICATES = 50_000
 
+LARGEST = 1e300
+"""Either way: sums of larger scores, and differences between such sums, could leave the range of float64."""
+
 # A block of counts of so many draws stays in a core's cache, which halves the time.
 DRAWS_AT_ONCE = 1 << 14
 
@@ -64,10 +67,10 @@ class Strata:
 
 
 def strata(scores: Scores) -> Strata:
-    """The strata of one method's scores, finite, every task with at least one run.
+    """The strata of one method's scores, every task with at least one run.
 
     Raises:
-        ValueError: there is no task, a task has no run, or a score is not finite.
+        ValueError: there is no task, a task has no run, or a score is not finite or beyond `LARGEST`.
     """
     if isinstance(scores, np.ndarray):
         if scores.ndim != 2:
@@ -78,8 +81,8 @@ def strata(scores: Scores) -> Strata:
         raise ValueError("Scores need at least one task, and every task at least one run.")
     # Sorted, so that intervals do not depend on the order of the seeds.
     values = np.concatenate([np.sort(task) for task in tasks])
-    if not np.isfinite(values).all():
-        raise ValueError("Scores must be finite.")
+    if not (np.abs(values) <= LARGEST).all():
+        raise ValueError(f"Scores must be finite, and within ±{LARGEST:g}.")
     return Strata(values, np.array([task.size for task in tasks]))
 
 

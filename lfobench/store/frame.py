@@ -28,6 +28,7 @@ def load(path: str | Path, *, episodes: bool = False, metrics: bool = False, fre
     Columns: those of `RUN_COLUMNS`, which say what was run; then, per evaluation, ``step`` (gradient steps), ``score``
     (mean normalised score of its episodes), ``return`` and ``length`` (means), ``episodes`` (their number); or, per
     episode, ``step``, ``episode``, ``score``, ``return``, ``length``; and ``identity``, the hash that names the run.
+    Episodes from further starts are no evaluation and have no row; the score ``success`` of a table counts them.
     What is text is plain text, so that grouping gives the groups that are there and no others.
 
     With `metrics`, one row per run, training ``stage`` and ``step`` (updates of that stage done) at which metrics were

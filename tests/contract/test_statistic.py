@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
+from fractions import Fraction
+from random import Random
 
 import pytest
-from helpers_records import make_record
+from helpers_records import endings, make_counted, make_record
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfobench.contract.record import Evaluation, Record
-from lfobench.contract.statistic import HEADLINE, Statistic, parse_statistic
+from lfobench.contract.statistic import HEADLINE, SUCCESS_RATE, Statistic, mean, parse_statistic, tie
 from lfobench.errors import UserError
 
 STEPS = (1000, 2000, 3000, 4000, 5000, 6000)
@@ -35,6 +37,7 @@ def record(of_evaluations: Sequence[Sequence[float]], **options: object) -> Reco
         ("last5", Statistic("last5")),
         ("last", Statistic("last")),
         ("best", Statistic("best")),
+        ("success", SUCCESS_RATE),
         ("at:10000", Statistic("at", 10_000)),
         (" at: 7 ", Statistic("at", 7)),
     ],
@@ -113,3 +116,41 @@ def test_a_step_without_an_evaluation_names_the_run_and_the_steps_there_are() ->
         match=r"dilo on hopper-random-expert, seed 4, was not evaluated at step 1500\. It was at 1000, 2000\.",
     ):
         run.score(Statistic("at", 1500))
+
+
+def test_success_counts_the_last_policys_episodes_from_all_starts() -> None:
+    run = make_counted(endings(7, 10), endings(31, 100), evaluations=4)
+    assert run.score(SUCCESS_RATE) == pytest.approx(100.0 * 38 / 110)
+    starts = run.start_scores(SUCCESS_RATE)
+    assert (len(starts), set(starts), sum(starts)) == (110, {0.0, 100.0}, 3800.0)
+    assert [score for _, score in run.curve(SUCCESS_RATE)] == [0.0, 0.0, 0.0, 70.0]
+    diverged = make_counted(endings(7, 10), endings(31, 100), diverged_at=9)
+    assert (diverged.score(SUCCESS_RATE), diverged.start_scores(SUCCESS_RATE)) == (0.0, [0.0] * 110)
+
+
+def test_success_of_a_record_that_does_not_say_names_it() -> None:
+    with pytest.raises(UserError, match="dilo on hopper-random-expert, seed 0, does not say how its episodes ended"):
+        make_record(50.0).score(SUCCESS_RATE)
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=9), st.randoms())
+def test_a_mean_is_exact_in_any_order_and_never_leaves_its_numbers(values: list[float], random: Random) -> None:
+    found = mean(values)
+    assert min(values) <= found <= max(values)
+    assert mean(random.sample(values, len(values))) == found
+    exact = sum(map(Fraction, values)) / len(values)
+    assert abs(Fraction(found) - exact) <= Fraction(2.0**-51) * abs(exact) + Fraction(5e-324) * 2 ** len(values)
+
+
+def test_scores_are_means_of_exact_sums() -> None:
+    """The same evaluations and the same episodes in another order."""
+    episodes = [[281.0, 293.1, 317.3], [309.2, 316.4, 300.1], [12.7, 31.9, 44.3]]
+    shuffled = [[317.3, 281.0, 293.1], [44.3, 12.7, 31.9], [300.1, 309.2, 316.4]]
+    assert record(episodes).score() == record(shuffled).score()
+    assert record([[0.1, 0.2, 0.3]]).score() == record([[0.3, 0.2, 0.1]]).score()
+
+
+def test_of_evaluations_that_rounding_alone_tells_apart_the_first_is_the_best() -> None:
+    assert Statistic("best").choose(STEPS, [1.0, 30.3, 30.3 + 7e-15, 2.0, 30.3, 0.0]) == [1]
+    assert Statistic("best").choose(STEPS, [1.0, 30.3, 30.3 + 1e-3, 2.0, 30.3, 0.0]) == [2]
+    assert tie([30.0]) < 1e-3

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import binom, mannwhitneyu, trim_mean
 
 from lfobench.stats import aggregates
-from lfobench.stats.bootstrap import Values, bootstrap, strata
+from lfobench.stats.bootstrap import LARGEST, Values, bootstrap, strata
 from lfobench.stats.intervals import Estimate, Interval
 
 score = st.integers(-20_000, 130_000).map(lambda thousandths: thousandths / 1000)
@@ -249,3 +249,13 @@ def test_the_interval_of_many_tasks_covers_better_than_that_of_one() -> None:
         low, high = ends(aggregates.mean(random.normal(size=(5, 24)), replicates=400))
         covered += low <= 0.0 <= high
     assert covered / rows == pytest.approx(0.92, abs=4 * math.sqrt(0.92 * 0.08 / rows))
+
+
+@pytest.mark.parametrize("aggregate", AGGREGATES)
+def test_the_largest_scores_do_not_overflow(aggregate: Aggregate) -> None:
+    for tasks in ([[LARGEST] * 5, [LARGEST] * 3], [[LARGEST, 1.0, -LARGEST], [0.5 * LARGEST] * 4]):
+        found = aggregate(tasks, **QUICK)
+        assert math.isfinite(found.value)
+        assert found.interval is None or math.isfinite(found.interval.low + found.interval.high)
+    with pytest.raises(ValueError, match="within"):
+        aggregate([[1.7e308, 1.0]], **QUICK)

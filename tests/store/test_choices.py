@@ -100,6 +100,8 @@ def test_of_equal_ones_the_untuned_values_before_the_first() -> None:
     assert best(level, {"a": 7}) is level[0]
     better = Trial(values={"a": 1, "b": 0}, scores=[6.0], diverged=[])
     assert best([*level, better], {"a": 5, "b": 0}) is better
+    rounded = Trial(values={"a": 5, "b": 0}, scores=[5.0 + 1e-9], diverged=[])
+    assert best([level[0], rounded], {"a": 7}) is level[0], "rounding is no merit"
 
 
 def test_a_diverged_trial_counts_0_and_loses_a_tie() -> None:
