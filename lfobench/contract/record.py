@@ -226,7 +226,8 @@ class Record(_Model):
         """
         if self.status == "diverged":
             return []
-        chosen = statistic.choose([step for step, _ in self.curve()], [score for _, score in self.curve()])
+        curve = self.curve()
+        chosen = statistic.choose([step for step, _ in curve], [score for _, score in curve])
         if not chosen:
             steps = ", ".join(str(evaluation.step) for evaluation in self.evaluations)
             raise UserError(
