@@ -570,6 +570,8 @@ def test_help_lists_every_command(lfobench_command: InProcess) -> None:
         "plot",
         "compare",
         "audit",
+        "check",
+        "new",
         "plan",
         "report",
         "tune",
