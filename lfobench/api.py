@@ -28,7 +28,7 @@ from lfobench.errors import UserError, unknown_name
 from lfobench.files import write_text
 from lfobench.plan.names import split_names
 from lfobench.plan.planning import Plan, Request
-from lfobench.registry import give_method, load_suite, load_suites
+from lfobench.registry import give_method, is_place, load_method, load_suite, load_suites
 from lfobench.render.beside import beside
 from lfobench.render.building import build_table
 from lfobench.render.formats import export
@@ -119,6 +119,7 @@ def run(
     device: str = "auto",
     precision: str = "auto",
     tuned: bool = False,
+    grid: Mapping[str, Sequence[Any]] | None = None,
     rerun: bool = False,
     workers: int | None = None,
     out: str | Path = "runs",
@@ -143,6 +144,7 @@ def run(
         device: as ``--device``.
         precision: as ``--precision``.
         tuned: as ``--tuned``.
+        grid: whose choice, where there are several: ``{"dilo.tau": [1, 3]}``.
         rerun: as ``--rerun``.
         workers: as ``--workers``.
         out: the output folder.
@@ -176,6 +178,7 @@ def run(
         device=device,
         steps=steps,
         precision=precision,
+        grids=tuple(f"{field}={json.dumps(list(values))[1:-1]}" for field, values in (grid or {}).items()),
     )
     folder = RecordFolder(Path(out))
     plan = resolve(wanted, folder.root if tuned else None)
@@ -243,7 +246,8 @@ def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:
         "preset": filters.get("preset"),
     }
     records, failed = select(read.records, **wanted), select(failures, **wanted)
-    columns = split_names(filters.get("methods") or "")
+    named = split_names(filters.get("methods") or "")
+    columns = [load_method(name).name if is_place(name) else name for name in named]
     present = {record.method for record in records} | {failure.method for failure in failed}
     for column in columns:
         if column not in present:

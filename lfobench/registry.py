@@ -115,6 +115,13 @@ def give_method(method: object, where: str) -> type[Method]:
     return checked
 
 
+def package_of(method: type[Method]) -> dict[str, str]:
+    """The installed package that registers a method, to its version; none of those that ship, or stand elsewhere."""
+    places = [] if ships(method) else _points(METHODS).get(method.name, [])
+    here = f"{method.__module__}:{method.__qualname__}"
+    return {place.dist.name: place.dist.version for place in places if place.dist is not None and place.value == here}
+
+
 @cache
 def _registered_method(name: str) -> type[Method]:
     point = _only(METHODS, "method", name)

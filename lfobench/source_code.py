@@ -11,7 +11,6 @@ import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
-from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
@@ -80,19 +79,6 @@ def edited_since(method: type[Method]) -> bool:
     return not ships(method) and _read(method) != code_of(method)
 
 
-def package_of(method: type[Method]) -> dict[str, str]:
-    """The installed package that a method comes from, to its version; none where it was given by path."""
-    if ships(method):
-        return {}
-    found = {}
-    for name in packages_distributions().get(_top(method), ()):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
 def _read(method: type[Method]) -> dict[str, str]:
     file = _file(method)
     if file is None:
@@ -129,7 +115,7 @@ def _closure(first: Path, root: Path) -> dict[str, bytes]:
     own = first.relative_to(root).parts[0].removesuffix(".py")
     alone = root.name in ("site-packages", "dist-packages")
     found: dict[str, bytes] = {}
-    waiting = [first]
+    waiting = [first, *_files(root, first.parent.relative_to(root).parts)]
     while waiting:
         file = waiting.pop()
         name = file.relative_to(root).as_posix()

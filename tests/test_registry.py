@@ -136,6 +136,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
             package,
             {"mine": method_source("whole" if package == "first" else "twice"), "twice": method_source("twice")},
             methods={"twice": f"{package}.twice:Mine"} | ({"whole": "first.mine:Mine"} if package == "first" else {}),
+            suites={"doubled": f"{package}.poles:SUITE"},
         )
     use(site, monkeypatch)
     yield site
@@ -172,13 +173,14 @@ def test_broken_suites_are_warned_of_where_all_are_looked_through(broken: Path, 
     shown = lfobench_command("show", "pen-human-expert")
     assert shown.code == 0
     warnings = [line for line in shown.err.splitlines() if line.startswith("Warning: ")]
-    assert len(warnings) == len(shown.err.splitlines()) == 3
-    assert [name for name in ("'poles'", "'rods'", "'rods-too'") for line in warnings if name in line] == [
+    assert len(warnings) == len(shown.err.splitlines()) == 4
+    assert [name for name in ("'doubled'", "'poles'", "'rods'", "'rods-too'") for line in warnings if name in line] == [
+        "'doubled'",
         "'poles'",
         "'rods'",
         "'rods-too'",
     ]
-    for name in ("poles", "rods"):
+    for name in ("doubled", "poles", "rods"):
         assert_refused(lfobench_command("ls", "tasks", "--suite", name), f"'{name}'")
     plan = ("run", "--methods", "bc", "--suite", TINY, "--tasks", "pole-random-expert", "--protocol", "smoke")
     assert lfobench_command(*plan, "--dry-run").code == 0

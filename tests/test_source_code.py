@@ -18,8 +18,8 @@ from lfobench.errors import UserError
 from lfobench.plan.cells import Run
 from lfobench.plan.planning import Request, make_plan
 from lfobench.python_files import forget
-from lfobench.registry import load_method, method_names
-from lfobench.source_code import SESSION, check_unchanged, code_of, in_session, package_of, ships
+from lfobench.registry import load_method, method_names, package_of
+from lfobench.source_code import SESSION, check_unchanged, code_of, in_session, ships
 
 TINY = str(Path(__file__).with_name("tiny_suite.py"))
 
@@ -91,6 +91,14 @@ def test_an_edit_of_anything_else_is_not(folder: Path) -> None:
         (folder / file).write_text("x = 1", encoding="utf-8")
     forget(folder / "mine.py")
     assert hash_of(folder / "mine.py") == before
+
+
+def test_the_packages_that_a_module_lies_in_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path, {"outer_of_mine/__init__": "", "outer_of_mine/inner/__init__": "import outer_of_mine.parts"})
+    write(tmp_path, {"outer_of_mine/inner/mine": method_source(), "outer_of_mine/parts": ""})
+    monkeypatch.chdir(tmp_path)
+    files = set(code_of(load_method("outer_of_mine.inner.mine:Mine")))
+    assert files == {f"outer_of_mine/{name}.py" for name in ("__init__", "inner/__init__", "inner/mine", "parts")}
 
 
 def test_where_the_folder_lies_and_when_it_was_written_do_not_matter(folder: Path, tmp_path: Path) -> None:

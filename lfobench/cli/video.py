@@ -15,7 +15,7 @@ MOST_EPISODES = 12
 
 
 def video(
-    method: Annotated[str, typer.Argument(help="A method with records, e.g. dilo.")],
+    method: Annotated[str, typer.Argument(help="A method with records, e.g. dilo; one from a file by its path.")],
     task: Annotated[str, typer.Argument(help="A task of a suite that is seen from above.")],
     to: Annotated[Path, typer.Option(help="The file to write: .gif, or .mp4 with the extra 'video'.")],
     out: options.Out = options.DEFAULT_OUT,
@@ -41,10 +41,12 @@ def video(
     from lfobench.errors import UserError, unknown_name
     from lfobench.files import replacing, writable_folder
     from lfobench.plan.names import select_tasks
+    from lfobench.registry import is_place, load_method
     from lfobench.render.plots.scene.film import Film
     from lfobench.render.plots.scene.movie import movie_format, write_movie
 
     format_name = movie_format(to)
+    method = load_method(method).name if is_place(method) else method
     selected = selection.select_records(out, suite, protocol, steps, source, preset, method)
     present = {record.task for record in selected.records}
     if present and task not in present:

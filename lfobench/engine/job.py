@@ -26,8 +26,8 @@ from lfobench.plan.cells import Cell, Run
 from lfobench.plan.parts import build_command
 from lfobench.plan.sources import spelled
 from lfobench.processes import keep_freed_memory
-from lfobench.registry import load_suite
-from lfobench.source_code import check_unchanged, code_of, package_of
+from lfobench.registry import load_suite, package_of
+from lfobench.source_code import check_unchanged, code_of
 from lfobench.store.folder import RecordFolder
 
 

@@ -17,6 +17,7 @@ from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.state import CPU, MethodState, SeedState, StateError
 from lfobench.errors import UserError
 from lfobench.registry import load_method
+from lfobench.source_code import code_of
 from lfobench.store.folder import RecordFolder
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
 
@@ -76,10 +77,11 @@ def load_policy(folder: RecordFolder, record: Record) -> TrainedPolicy:
     """The policy that a run left.
 
     Raises:
-        UserError: when its file is missing, damaged or another run's.
+        UserError: when its file is missing, damaged or another run's, or the method's code is not what it was.
     """
+    known = _known(record)
     path = folder.policy(record)
-    again = f"Delete the run's record and issue 'lfobench run' again, to train {record.method} on {record.task} anew."
+    again = f"Train {record.method} on {record.task} anew: lfobench run --rerun."
     try:
         tensors, about = read_tensors(path)
         if about["identity_hash"] != record.identity_hash:
@@ -88,12 +90,26 @@ def load_policy(folder: RecordFolder, record: Record) -> TrainedPolicy:
             tensors.pop(SHIFT).numpy(), tensors.pop(SCALE).numpy(), bool(about["indicator"])
         )
         shapes, state = Shapes(about["observation"], about["action"]), SeedState(tensors, about["values"])
-        method = _restored(load_method(record.method), record, shapes, state)
+        method = _restored(known, record, shapes, state)
     except FileNotFoundError as error:
         raise UserError(f"The trained policy {path} is not there.", again) from error
     except (DamagedFile, StateError, OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
         raise UserError(f"The trained policy {path} cannot be used ({error}).", again) from error
     return TrainedPolicy(method, transform)
+
+
+def _known(record: Record) -> type[Method]:
+    """The method of a record, as it was when it was trained."""
+    code = record.identity.get("method_code")
+    try:
+        known = load_method(record.method)
+    except UserError as error:
+        remedy = "If it stands in a file, give the file's path in the place of its name." if code else error.remedy
+        raise UserError(error.problem, remedy) from error
+    if code and code != code_of(known):
+        problem = f"Method '{record.method}' was edited after it was trained on {record.task}."
+        raise UserError(problem, "Train it as it is now: lfobench run.")
+    return known
 
 
 def _restored(known: type[Method], record: Record, shapes: Shapes, state: SeedState) -> Method:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
@@ -103,6 +104,9 @@ def _work(pipe: Connection, carry_out: CarryOut, flag: StopFlag) -> None:
             job: Job = pipe.recv()
         except (EOFError, OSError):
             return
+        except Exception as error:  # a method's or suite's file is no longer what it was
+            pipe.send(Ended("failed", f"{type(error).__name__}: {error}", traceback.format_exc()))
+            continue
         for what in attempt(job, carry_out, flag.is_set):
             try:
                 pipe.send(what)

@@ -10,6 +10,9 @@ from helpers_cli import InProcess, assert_refused
 from helpers_engine import POLE_TASK, TINY
 from helpers_plugins import method_source, records_in
 
+import lfobench
+from lfobench.errors import UserError
+
 ON_POLE = ("--suite", TINY, "--tasks", POLE_TASK, "--protocol", "smoke")
 
 
@@ -71,6 +74,11 @@ def test_fields_of_a_grid_multiply_and_several_choices_are_told_apart(
     for grid, fields in ((both, {"learning_rate", "hidden"}), (("--grid", "bc.loss=squared,likelihood"), {"loss"})):
         (planned,) = json.loads(lfobench_command(*run, *grid).out)["runs"]
         assert set(planned["tuned"]) == fields
+    tuned = {"suite": TINY, "tasks": POLE_TASK, "protocol": "smoke", "seeds": [0], "out": out, "tuned": True}
+    with pytest.raises(UserError, match="2 choices for bc"):
+        lfobench.run("bc", **tuned)
+    left = lfobench.run("bc", **tuned, grid={"bc.loss": ["squared", "likelihood"]})
+    assert [set(record.identity["tuned"]) for record in left.records] == [{"loss"}]
 
 
 def test_a_method_s_own_grid_gives_way_to_the_suite_s(tmp_path: Path, lfobench_command: InProcess) -> None:

@@ -7,12 +7,16 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from helpers_cli import InProcess, arguments, assert_refused, process
 from helpers_engine import POLE_TASK, TINY
-from helpers_plugins import method_source, records_in
+from helpers_plugins import forget_registrations, method_source, records_in
 
 import lfobench
+from lfobench.engine.policy import load_policy
+from lfobench.errors import UserError
+from lfobench.store.folder import RecordFolder
 
 ON_POLE = ("--suite", TINY, "--tasks", POLE_TASK, "--protocol", "smoke")
 
@@ -82,6 +86,24 @@ def test_a_file_that_is_edited_while_it_trains_stops_the_rest(
     assert "file_of_mine.py" in outcome.err and "changed after the plan was made" in outcome.err
 
 
+def test_a_policy_is_used_with_the_code_that_it_was_trained_with(
+    mine: Path, tmp_path: Path, lfobench_command: InProcess
+) -> None:
+    out = tmp_path / "runs"
+    run = ("run", "--methods", mine, *ON_POLE, "--seeds", "0", "--workers", "1", "--out", out)
+    assert lfobench_command(*run).code == 0
+    (record,) = records_in(out)
+    assert load_policy(RecordFolder(out), record).act(np.zeros((2, 4), np.float32)).shape == (2, 1)
+    assert lfobench_command("table", "--out", out, "--methods", mine).code == 0
+    forget_registrations()
+    with pytest.raises(UserError, match=r"Unknown method 'mine'.*the file's path"):
+        load_policy(RecordFolder(out), record)
+    (mine.parent / "rates.py").write_text("RATE = 0.2\n", encoding="utf-8")
+    assert lfobench_command("table", "--out", out, "--methods", mine).code == 0
+    with pytest.raises(UserError, match=f"Method 'mine' was edited after it was trained on {POLE_TASK}"):
+        load_policy(RecordFolder(out), record)
+
+
 def test_show_of_a_method_by_path(mine: Path, lfobench_command: InProcess) -> None:
     shown = lfobench_command("show", mine)
     assert shown.code == 0
@@ -98,6 +120,7 @@ def test_a_new_method_trains_at_once(
     monkeypatch.chdir(tmp_path)
     assert lfobench_command("new", "method", name).code == 0
     assert [path.name for path in tmp_path.iterdir()] == [f"{name}.py"]
+    assert lfobench_command("check", f"{name}.py").code == 0
     run = ("run", "--methods", f"{name}.py", *ON_POLE, "--seeds", "0-1", "--workers", "1", "--out", "runs")
     outcome = lfobench_command(*run)
     assert outcome.code == 0, outcome

@@ -97,6 +97,9 @@ def test_a_plug_in_runs_in_a_pool_in_a_hostile_folder(hostile_folder: Path, plug
     assert outcome.code == 0, outcome
     records = RecordFolder(hostile_folder / "runs").read_all().records
     assert sorted(record.method for record in records) == ["bc", "drifting"]
+    theirs = next(record for record in records if record.method == "drifting")
+    assert theirs.provenance["method_package"] == {"somebody": "1.0"}
+    assert set(theirs.identity["method_code"]) == {"somebody/__init__.py", "somebody/theirs.py"}
     table = process([*CONSOLE_SCRIPT, "table", "--out", "runs"], cwd=hostile_folder, env=env)
     assert table.code == 0, table.err
     assert "drifting" in table.out

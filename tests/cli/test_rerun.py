@@ -7,12 +7,13 @@ import json
 from pathlib import Path
 
 import pytest
-from helpers_cli import InProcess
+from helpers_cli import InProcess, assert_refused
 from helpers_engine import POLE_TASK, TINY
 from helpers_plugins import records_in
 
 import lfobench
 from lfobench.contract.record import Record
+from lfobench.files import locked
 from lfobench.store.folder import ASIDE, read_record
 
 ON_POLE = ("--suite", TINY, "--tasks", POLE_TASK, "--protocol", "smoke")
@@ -79,6 +80,16 @@ def test_a_run_without_rerun_redoes_nothing(trained: Path, lfobench_command: InP
     before = files(trained)
     assert lfobench_command(*RERUN, "--out", trained).code == 0
     assert files(trained) == before
+
+
+def test_what_another_process_trains_is_left_alone(trained: Path, lfobench_command: InProcess) -> None:
+    before = files(trained)
+    name = next((trained / "records").rglob("*-seed0-*.json")).stem
+    (trained / "checkpoints").mkdir(exist_ok=True)
+    with locked(trained / "checkpoints" / f"{name}.lock", "--out"):
+        refused = lfobench_command(*RERUN, "--rerun", "--out", trained)
+    assert_refused(refused, "Another process trains", "seed 0")
+    assert files(trained).items() >= before.items()
 
 
 class Killed(BaseException):
