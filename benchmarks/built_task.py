@@ -19,7 +19,7 @@ import torch
 
 from benchmarks.pairs import Contender, Spread, alternate
 from lfobench.contract.episodes import Episodes
-from lfobench.contract.suite import Recipe, Task
+from lfobench.contract.suite import Task
 from lfobench.data.cache import PartCache
 from lfobench.data.firewall import view
 from lfobench.data.source import load_task
@@ -73,7 +73,6 @@ def cell_of(method: str, protocol: str, device: torch.device, steps: int | None 
 def small(cell: Cell) -> Cell:
     """The cell with a hundredth of its data, for a run that only shows that everything runs."""
     whole = cell.task.recipe
-    assert isinstance(whole, Recipe)
     recipe = replace(whole, offline_transitions=SHARD_TRANSITIONS, expert_trajectories=5)
     task: Task = replace(cell.task, recipe=recipe)
     return replace(cell, task=task)
@@ -89,7 +88,7 @@ def loading(quick: bool, rounds: int) -> dict[str, Any]:
 
             def load(cell: Cell = cell, root: Path = root) -> int:
                 data = load_task(root, load_suite(cell.suite), cell.task, cell.recipe, "")
-                needs = cell.method.needs(cell.config)
+                needs = cell.needs
                 return view(cell.method, needs, data.mixture(needs), CPU).offline.rows
 
             rows = load()

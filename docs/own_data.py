@@ -2,8 +2,10 @@
 
 Two files beside this one, in a layout that `lfobench data doctor` reads; `keys=("position", "velocity")` of `own_file`
 chooses among the members of a dictionary. The recipe takes a million rows of `mine.hdf5` or
-what there is (200,000 under protocol ``quick``), the first 30 trajectories of `theirs.hdf5` with their actions (by the
-published walk, which needs a 31st), and the first 1000 rows of those as the demonstration.
+what there is (200,000 under protocol ``quick``), and the first 30 trajectories of `theirs.hdf5` with their actions, or
+all that there are; the first one of these is the demonstration of every method (``demonstrations=3`` takes three).
+`Recipe.recorded` counts both files in trajectories and mixes none of the expert's in. The environment's module may lie
+beside this file: ``import my_worlds``, or ``"my_worlds:Reach-v0"`` as the environment's id.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ SUITE = Suite(
             group="mine+expert",
             # Name, id, steps per episode, and the returns that score 0 and 100.
             environment=Environment("hopper", "Hopper-v5", 1000, -20.272305, 3234.3),
-            recipe=Recipe("mine", 1_000_000, "expert", expert_trajectories=30, demonstration_rows=1000),
+            recipe=Recipe("mine", 1_000_000, "expert", expert_trajectories=30),
             paper_steps=300_000,
             files={"mine": Files(own_file(HERE / "mine.hdf5"), own_file(HERE / "theirs.hdf5"))},
         ),

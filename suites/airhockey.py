@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lfobench.contract.suite import Budget, Environment, Level, Suite, Task, TrajectoryRecipe
+from lfobench.contract.suite import Budget, Environment, Level, Recipe, Suite, Task
 from suites.robot import constants
 from suites.robot.operators import SINGLE_HITS, demonstrator
 from suites.robot.scene import scene
@@ -76,7 +76,7 @@ def _task(environment: Environment, group: str, level: Level, trajectories: int,
         name=f"{environment.name}-{group}",
         group=group,
         environment=environment,
-        recipe=TrajectoryRecipe(
+        recipe=Recipe.recorded(
             _judged("suboptimal", environment),
             offline,
             _judged(level, environment),

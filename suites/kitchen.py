@@ -3,7 +3,11 @@
 A return counts the scored sub-tasks that an episode completes, from 0 to 4, so the normalised score is their share in
 per cent. The paper's code and its text differ in K, the expert trajectories that join the offline data: `SUITE` takes 1
 as the code does, whatever it is told, and `PAPER` 30. D4RL's and Minari's files of complete demonstrations may hold
-fewer than 30, and of those the released walk takes none (methods.md 2.4).
+fewer than 30; then all of them join.
+
+SMODICE's and ORIL's authors have a recipe of their own here (methods.md 2.6): the chi^2 divergence, no absorbing state
+and no expert trajectory in the offline data. So these two have it in `SUITE` and `WITHOUT_GOAL`; in `PAPER`, every
+method learns from one mix. Their demonstration is one whole trajectory; here it is the task's, as for every method.
 
 The kitchen goal-vector trap (methods.md 2.5): in D4RL's files the expert of ``mixed`` carries another goal than the
 offline data, and so can be told by it. `SUITE` keeps the goal, as everyone did; `WITHOUT_GOAL` is the same with
@@ -20,7 +24,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from lfobench.contract.suite import DataFile, Environment, Files, Recipe, Suite, Task
+from lfobench.contract.suite import DataFile, Environment, Files, Recipe, Settings, Suite, Task
 from suites import d4rl, minari
 from suites.franka import HORIZON, IDENTIFIER
 from suites.franka.constants import OBJECTS, ROBOT, Layout, Variant
@@ -32,6 +36,8 @@ MINARI_TRANSITIONS = 156_560
 """All of either of Minari's datasets, as `OFFLINE_TRANSITIONS` are of D4RL's."""
 PAPER_STEPS = 1_000_000
 RELEASED_TRAJECTORIES, PAPER_TRAJECTORIES = 1, 30
+SETTINGS: Settings = {"smodice": {"divergence": "chi2", "absorbing": False}, "oril": {"absorbing": False}}
+"""Of SMODICE's and ORIL's authors, for the kitchen."""
 
 
 def _environment(variant: Variant, layout: Layout) -> Environment:
@@ -64,6 +70,8 @@ def _tasks(trajectories: int, layout: Layout) -> tuple[Task, ...]:
                 recipe=recipe,
                 paper_steps=PAPER_STEPS,
                 files=_files(variant, layout, recipe),
+                settings=SETTINGS,
+                without_expert=tuple(SETTINGS) if trajectories == RELEASED_TRAJECTORIES else (),
                 simulator=("gymnasium-robotics",),
             )
         )

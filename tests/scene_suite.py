@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 
 from lfobench.contract.episodes import Episodes, FloatArray, concatenate
 from lfobench.contract.scene import Disc, Scene
-from lfobench.contract.suite import Environment, Level, Suite, Task, TrajectoryRecipe
+from lfobench.contract.suite import Environment, Level, Recipe, Suite, Task
 
 STRIDE = np.array([0.10, 0.05])
 """Metres that an action of 1 moves the point along x and y."""
@@ -167,7 +167,7 @@ def _task(environment: Environment, group: str, uniform: int | None = None) -> T
         f"{environment.name}-{group}",
         group,
         environment,
-        TrajectoryRecipe("random", 6, "expert", 4, expert_transitions=uniform),
+        Recipe.recorded("random", 6, "expert", 4, expert_transitions=uniform),
         100,
     )
 

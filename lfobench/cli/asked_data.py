@@ -107,7 +107,7 @@ def _row(task: str, request: PartRequest, cache: PartCache) -> dict[str, Any]:
         "task": task,
         "part": request.specification.level,
         "transitions": request.transitions,
-        "episodes": getattr(request.specification, "episodes", None),
+        "episodes": request.trajectories,
         "shards": shards,
         "shards_present": shards - len(cache.missing(request.transitions)),
         "folder": str(cache.folder),

@@ -118,7 +118,6 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
 
     from lfobench.cli import planned
     from lfobench.cli.asked_data import asked_data
-    from lfobench.contract.suite import TrajectoryRecipe
     from lfobench.data.manifest import manifest
     from lfobench.plan.sources import absent_files, download_command
 
@@ -128,17 +127,15 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
     complete = all(row["shards_present"] == row["shards"] for row in asked.rows())
     counted = manifest(asked.load(task)) if complete else None
     if as_json:
-        print_json({"task": planned.plain(task), "recipe": planned.plain(recipe), "manifest": planned.plain(counted)})
+        print_json({"task": planned.plain(task), "recipe": recipe.identity, "manifest": planned.plain(counted)})
         return
-    environment, (offline, expert) = task.environment, recipe.words
-    equal = isinstance(recipe, TrajectoryRecipe) and recipe.equal_transitions
-    cut = ", the former cut to as many transitions as the latter" if equal else ""
+    environment = task.environment
     arguments = "".join(f", {field} {_spelling(value)}" for field, value in environment.arguments.items())
     steps = f"{environment.horizon} steps per episode"
     output.print(f"[bold]{task.name}[/]: {environment.id}{escape(arguments)}, {steps}", soft_wrap=True)
     output.print(f"score 0 = return {environment.random_return:g}, score 100 = return {environment.expert_return:g}")
     output.print(
-        f"recipe ({protocol.name}): {offline} + {expert}{cut}; {protocol.for_task(task).steps_for(task):,} steps",
+        f"recipe ({protocol.name}): {recipe.sentence}; {protocol.for_task(task).steps_for(task):,} steps",
         soft_wrap=True,
     )
     for method, grid in task.grids.items():

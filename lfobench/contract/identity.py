@@ -65,7 +65,14 @@ class _ActionBox(_Fields):
 class _Recipe(_Fields):
     offline_transitions: _Count
     expert_trajectories: _Count
-    demonstration_rows: _Count
+    demonstration_rows: _Count | None = None
+    demonstrations: _Count | None = None
+
+    @model_validator(mode="after")
+    def _counted(self) -> _Recipe:
+        if (self.demonstration_rows is None) == (self.demonstrations is None):
+            raise ValueError("it counts its demonstrations neither or both in rows and in trajectories")
+        return self
 
 
 class _TrajectoryRecipe(_Fields):
@@ -95,6 +102,7 @@ class _Identity(_Fields):
     environment: _Environment
     action_box: _ActionBox | None = None
     recipe: _TrajectoryRecipe | _Recipe
+    expert_joins: StrictBool = True
     source: str
     protocol: _Protocol
     simulator: dict[str, str]

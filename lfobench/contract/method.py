@@ -61,6 +61,7 @@ class DataNeeds:
         boundary: which rows exist: ``released`` (the authors' readers, quirks included) or ``exact``.
         termination: what follows a terminal step.
         standardize: whether observations are shifted and scaled by the offline data's mean and std.
+        expert_joins: whether the expert trajectories that a recipe mixes into the offline data are in it.
     """
 
     offline: tuple[Field, ...]
@@ -68,6 +69,7 @@ class DataNeeds:
     boundary: Boundary = "released"
     termination: Termination = "teleport"
     standardize: bool = False
+    expert_joins: bool = True
 
 
 @dataclass(frozen=True)

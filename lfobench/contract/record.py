@@ -133,6 +133,9 @@ class Counts(_Model):
     offline_transitions: int = Field(ge=0, description="Of the offline part, before expert trajectories join it.")
     expert_trajectories: int = Field(ge=0, description="That joined the offline data, with their actions.")
     demonstration_rows: int = Field(ge=0, description="Of the expert part, of which the demonstration is made.")
+    demonstrations: int | None = Field(
+        default=None, ge=0, description="Trajectories that are observed, where the recipe counts them."
+    )
 
 
 class Record(_Model):

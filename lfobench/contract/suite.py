@@ -11,7 +11,7 @@ import numpy as np
 from lfobench.contract.environment import Environment
 from lfobench.contract.episodes import Episodes, FloatArray
 from lfobench.contract.files import DataFile, Files, own_file
-from lfobench.contract.recipe import Level, Recipe, TrajectoryRecipe
+from lfobench.contract.recipe import Level, Recipe
 from lfobench.contract.scene import Scene
 
 __all__ = [
@@ -27,7 +27,6 @@ __all__ = [
     "Settings",
     "Suite",
     "Task",
-    "TrajectoryRecipe",
     "own_file",
 ]
 
@@ -102,6 +101,7 @@ class Task:
         paper_steps: gradient steps that the seed paper gives this task.
         budgets: protocol name to what it means here; a protocol that is not named means what it always does.
         settings: fields of methods that this task's kind of data asks for, over any preset or protocol.
+        without_expert: methods whose authors' code mixes no expert trajectory into this task's offline data.
         grids: per method, the values of fields among which ``lfobench tune`` chooses.
         files: source name to the files that it reads, e.g. ``d4rl``.
         read_from: the files that are read, once a source is chosen; None generates the data.
@@ -111,10 +111,11 @@ class Task:
     name: str
     group: str
     environment: Environment
-    recipe: Recipe | TrajectoryRecipe
+    recipe: Recipe
     paper_steps: int
     budgets: Mapping[str, Budget] = field(default_factory=dict)
     settings: Settings = field(default_factory=dict)
+    without_expert: tuple[str, ...] = ()
     grids: Mapping[str, Mapping[str, tuple[Any, ...]]] = field(default_factory=dict)
     files: Mapping[str, Files] = field(default_factory=dict)
     read_from: Files | None = None

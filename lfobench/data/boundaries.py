@@ -104,16 +104,17 @@ def released_expert_prefix(expert: Rows, trajectories: int, horizon: int) -> Row
     """The expert rows that the released mix takes for K trajectories (methods.md 2.4, with its drift).
 
     A trajectory is counted when a step counter reaches `horizon` or at a terminal row; the row at which the K-th
-    is counted is itself excluded. If K are never counted, no row is taken.
+    is counted is itself excluded. If K are never counted, every row is taken, as SMODICE's reader does; DILO's would
+    take none, without a word, which no recipe means.
     """
     ends = np.flatnonzero(expert.terminated)
     starts = np.concatenate(([0], ends + 1))
     stops = np.concatenate((ends + 1, [len(expert)]))
     counted = [np.arange(start + horizon - 1, stop, horizon) for start, stop in zip(starts, stops, strict=True)]
     hits = np.union1d(np.concatenate(counted), ends)
-    if trajectories < 1 or len(hits) < trajectories:
+    if trajectories < 1:
         return expert.first(0)
-    return expert.first(int(hits[trajectories - 1]))
+    return expert.first(int(hits[trajectories - 1]) if trajectories <= len(hits) else len(expert))
 
 
 def released_triples(transitions: Rows) -> Rows:

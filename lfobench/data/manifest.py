@@ -8,9 +8,9 @@ import numpy as np
 
 from lfobench.contract.episodes import Episodes
 from lfobench.contract.method import DataNeeds, Field
-from lfobench.contract.suite import Recipe, TrajectoryRecipe
 from lfobench.data import boundaries
 from lfobench.data.source import TaskData
+from lfobench.words import counted
 
 
 @dataclass(frozen=True)
@@ -36,19 +36,21 @@ class PartCounts:
 
 
 @dataclass(frozen=True)
-class RecordedManifest:
-    """What a recipe of recorded trajectories turned out to hold.
+class ExactManifest:
+    """What a recipe whose boundaries are exact turned out to hold.
 
     Attributes:
         task: its name.
-        parts: as recorded, the offline one as far as it is read.
-        offline_triples: (s, s', s'') rows of the offline part.
+        parts: as far as they are read.
+        expert_trajectories: that joined the offline data.
+        offline_triples: (s, s', s'') rows of the offline data.
         expert_triples: those that are observed.
         sampled: whether they are a sample in random order, or all.
     """
 
     task: str
     parts: tuple[PartCounts, ...]
+    expert_trajectories: int
     offline_triples: int
     expert_triples: int
     sampled: bool
@@ -56,9 +58,11 @@ class RecordedManifest:
     def sentences(self) -> list[str]:
         """The recipe in words, with the counts; a recording's score is 100 where it succeeded, else 0."""
         how = "drawn uniformly from its trajectories, in random order" if self.sampled else "all of its trajectories"
+        joined = counted(self.expert_trajectories, "expert trajectory is", "expert trajectories are")
         return [
             *(part.sentence for part in self.parts),
-            f"offline triples: {self.offline_triples:,}, none across an end; no demonstration is among them",
+            f"offline triples: {self.offline_triples:,}, none across an end; "
+            f"{joined if self.expert_trajectories else 'no demonstration is'} among them",
             f"demonstration: {self.expert_triples:,} observation triples, {how}",
         ]
 
@@ -75,8 +79,9 @@ class Manifest:
         triples: (s, s', s'') rows of the mix.
         teleports: triples that end in the first observation of another episode.
         demonstration_rows: triples of the demonstration that can be sampled.
-        demonstration_steps: length of the first expert episode, which they start with.
-        demonstration_score: its normalised score.
+        demonstrations: how many of the first expert episodes they are made of, or begin with.
+        demonstration_steps: length of those.
+        demonstration_score: their mean normalised score.
         exact_triples: rows that the ``absorbing`` rules would keep.
     """
 
@@ -87,6 +92,7 @@ class Manifest:
     triples: int
     teleports: int
     demonstration_rows: int
+    demonstrations: int
     demonstration_steps: int
     demonstration_score: float | None
     exact_triples: int
@@ -99,40 +105,47 @@ class Manifest:
             f"released triples: {self.triples:,}, of which {self.teleports:,} cross into another episode (teleport)",
             f"exact triples with absorbing ends: {self.exact_triples:,}",
             f"demonstration: {self.demonstration_rows:,} observation triples, from the first expert episode on "
-            f"({self.demonstration_steps:,} steps, score {_spelled(self.demonstration_score)})",
+            f"({self.demonstration_steps:,} steps, score {_spelled(self.demonstration_score)})"
+            if self.demonstrations == 1
+            else f"demonstrations: {self.demonstration_rows:,} observation triples of the first {self.demonstrations} "
+            f"expert episodes ({self.demonstration_steps:,} steps, mean score {_spelled(self.demonstration_score)})",
             "the demonstrated trajectory, with its actions, is also inside the offline mix (as published)"
             if self.expert_rows_in_mix
             else "no expert trajectory is inside the offline mix",
         ]
 
 
-def manifest(data: TaskData) -> Manifest | RecordedManifest:
+def manifest(data: TaskData) -> Manifest | ExactManifest:
     """Count a task's data."""
-    return _recorded(data, data.recipe) if isinstance(data.recipe, TrajectoryRecipe) else _mixed(data, data.recipe)
+    return _exact(data) if data.recipe.exact else _by_method(data)
 
 
-def _recorded(data: TaskData, recipe: TrajectoryRecipe) -> RecordedManifest:
+def _exact(data: TaskData) -> ExactManifest:
+    recipe = data.recipe
     fields: tuple[Field, ...] = ("observation", "second_next_observation")
     rows = data.mixture(DataNeeds(offline=fields, expert=fields, boundary="exact", termination="zero"))
-    return RecordedManifest(
+    return ExactManifest(
         task=data.task.name,
         parts=(
             _counts(f"offline ({recipe.offline})", data, data.offline, data.fingerprints["offline"]),
             _counts(f"expert ({recipe.expert})", data, data.expert, data.fingerprints["expert"]),
         ),
+        expert_trajectories=min(recipe.expert_trajectories, len(data.expert.lengths)),
         offline_triples=len(rows.offline),
         expert_triples=len(rows.expert),
         sampled=recipe.expert_transitions is not None,
     )
 
 
-def _mixed(data: TaskData, recipe: Recipe) -> Manifest:
+def _by_method(data: TaskData) -> Manifest:
+    recipe = data.recipe
     fields: tuple[Field, ...] = ("observation", "second_next_observation")
     released = data.mixture(DataNeeds(offline=fields, expert=fields))
     absorbing = data.mixture(DataNeeds(offline=fields, expert=fields, boundary="exact", termination="absorbing"))
     offline_rows = len(boundaries.released_transitions(data.offline))
-    expert_rows = data.released_expert_rows
-    first = data.expert.first_episodes(1)
+    joining = boundaries.released_expert_prefix(
+        boundaries.released_transitions(data.expert), recipe.expert_trajectories, data.task.environment.horizon
+    )
     second = released.offline.second_next_observation
     assert second is not None
     teleports = int(np.count_nonzero(second != released.offline.observation + 2))
@@ -142,12 +155,13 @@ def _mixed(data: TaskData, recipe: Recipe) -> Manifest:
             _counts(f"offline ({recipe.offline})", data, data.offline, data.fingerprints["offline"]),
             _counts(f"expert ({recipe.expert})", data, data.expert, data.fingerprints["expert"]),
         ),
-        offline_rows=offline_rows + expert_rows,
-        expert_rows_in_mix=expert_rows,
+        offline_rows=offline_rows + len(joining),
+        expert_rows_in_mix=len(joining),
         triples=len(released.offline),
         teleports=teleports,
         demonstration_rows=len(released.expert),
-        demonstration_steps=first.transitions,
+        demonstrations=recipe.observed,
+        demonstration_steps=data.demonstrations.transitions,
         demonstration_score=data.demonstration_score,
         exact_triples=len(absorbing.offline),
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray, concatenate
 from lfobench.contract.method import Boundary, DataNeeds, Termination
-from lfobench.contract.suite import Recipe, TrajectoryRecipe
+from lfobench.contract.suite import Recipe
 from lfobench.data import boundaries
 from lfobench.data.boundaries import Rows
 from lfobench.data.standard import moments, standardize
@@ -75,37 +75,48 @@ class Mixture:
     terminated: BoolArray
 
 
-def mix(
-    offline: Episodes, expert: Episodes, recipe: Recipe | TrajectoryRecipe, needs: DataNeeds, horizon: int
-) -> Mixture:
-    """The rows of a recipe under the boundary rules that a method declares.
+def mix(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, horizon: int) -> Mixture:
+    """The rows of a recipe under the boundary rules that a method declares, or exact ones where the recipe says so.
 
     Args:
         offline: the poor part.
-        expert: the expert part; K trajectories of it join the offline data, with their actions, and none where the
-            recipe counts trajectories.
+        expert: the expert part; K trajectories of it join the offline data, with their actions.
         recipe: counts.
         needs: the method's declaration.
         horizon: steps at which the released expert walk counts a trajectory.
 
     Raises:
         ValueError: for a boundary and a termination that no rule combines.
+        UserError: for a sample of demonstrations that is larger than what it is drawn from.
     """
     _check(needs)
-    if isinstance(recipe, TrajectoryRecipe) and recipe.standardize:
-        needs = replace(needs, standardize=True)
     indicator = needs.termination == "absorbing"
+    if recipe.exact:
+        needs = replace(needs, boundary="exact", termination="absorbing" if indicator else "zero")
     everything, observations = _stacked(offline, expert, indicator)
     absorbing = len(everything.observations)
-    if isinstance(recipe, TrajectoryRecipe):
-        offline_rows, expert_rows = _recorded(offline, expert, recipe, needs, absorbing)
-    elif needs.boundary == "released":
-        offline_rows, expert_rows = _released(offline, expert, recipe, needs, horizon)
+    joining = recipe.expert_trajectories if needs.expert_joins else 0
+    # Expert rows are made in their own count, and then moved to their place behind the offline part.
+    place = (len(offline.observations), offline.transitions)
+    if needs.boundary == "released":
+        whole = boundaries.released_transitions(expert)
+        taken = boundaries.released_expert_prefix(whole, joining, horizon).shifted(*place)
+        offline_rows = boundaries.stack([boundaries.released_transitions(offline), taken])
+        expert_rows = _released_demonstration(expert, recipe, _triples(needs))
+        if _triples(needs):
+            offline_rows = boundaries.released_triples(offline_rows)
         if indicator:
             offline_rows = boundaries.absorb_transitions(offline_rows, absorbing)
     else:
-        offline_rows, expert_rows = _exact(offline, expert, everything, recipe, needs)
-    transform = _transform(observations[:absorbing], offline_rows, needs)
+        mixed = everything.first_episodes(len(offline.lengths) + joining)
+        offline_rows = _exact(mixed, needs, absorbing)
+        observed = expert.first_episodes(recipe.observed)
+        if recipe.expert_transitions is None:
+            expert_rows = _exact(observed, needs, absorbing - place[0])
+        else:
+            expert_rows = _sample(observed, recipe.expert_transitions, needs)
+    standardized = needs.standardize or recipe.standardize
+    transform = _transform(observations[:absorbing], offline_rows, standardized, indicator)
     if indicator:
         observations[absorbing] = transform.absorbing()
     first = everything.first_observation
@@ -115,7 +126,7 @@ def mix(
         observations,
         everything.actions,
         offline_rows,
-        expert_rows,
+        expert_rows.shifted(*place),
         first[used[first]],
         transform,
         everything.lengths,
@@ -134,65 +145,40 @@ def _stacked(offline: Episodes, expert: Episodes, indicator: bool) -> tuple[Epis
     return concatenate([offline, expert], observations[:count, :size]), observations
 
 
-def _released(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, horizon: int) -> tuple[Rows, Rows]:
-    expert_rows = boundaries.released_transitions(expert)
-    taken = boundaries.released_expert_prefix(expert_rows, recipe.expert_trajectories, horizon)
-    place = (len(offline.observations), offline.transitions)
-    mixed = boundaries.stack([boundaries.released_transitions(offline), taken.shifted(*place)])
-    if not _triples(needs):
-        return mixed, expert_rows.first(recipe.demonstration_rows).shifted(*place)
-    demonstration = boundaries.released_triples(expert_rows).first(recipe.demonstration_rows)
+def _released_demonstration(expert: Episodes, recipe: Recipe, triples: bool) -> Rows:
+    """The first rows of the expert part, or those of its first trajectories, with no observation beyond them."""
+    if recipe.demonstration_rows is None:
+        rows = boundaries.released_transitions(expert.first_episodes(recipe.demonstrations))
+        return boundaries.released_triples(rows) if triples else rows
+    rows = boundaries.released_transitions(expert)
+    if not triples:
+        return rows.first(recipe.demonstration_rows)
+    rows = boundaries.released_triples(rows).first(recipe.demonstration_rows)
     # The authors' buffer never samples its last row.
-    return boundaries.released_triples(mixed), demonstration.first(max(len(demonstration) - 1, 0)).shifted(*place)
+    return rows.first(max(len(rows) - 1, 0))
 
 
-def _exact(
-    offline: Episodes, expert: Episodes, everything: Episodes, recipe: Recipe, needs: DataNeeds
-) -> tuple[Rows, Rows]:
-    mixed = everything.first_episodes(len(offline.lengths) + recipe.expert_trajectories)
-    absorbing = len(everything.observations)
-    place = (len(offline.observations), offline.transitions)
-    demonstration = expert.first_episodes(1)
-    if not _triples(needs):
-        return boundaries.exact_transitions(mixed), boundaries.exact_transitions(demonstration).shifted(*place)
-    # Expert rows are shifted into place, so their absorbing index is given relative to that place.
-    return (
-        boundaries.exact_triples(mixed, needs.termination, absorbing),
-        boundaries.exact_triples(demonstration, needs.termination, absorbing - place[0]).shifted(*place),
-    )
+def _exact(episodes: Episodes, needs: DataNeeds, absorbing: int) -> Rows:
+    if _triples(needs):
+        return boundaries.exact_triples(episodes, needs.termination, absorbing)
+    rows = boundaries.exact_transitions(episodes)
+    return boundaries.absorb_transitions(rows, absorbing) if needs.termination == "absorbing" else rows
 
 
-def _recorded(
-    offline: Episodes, expert: Episodes, recipe: TrajectoryRecipe, needs: DataNeeds, absorbing: int
-) -> tuple[Rows, Rows]:
-    """Every row of both parts, or a sample of the expert's; nothing is shared between the parts.
-
-    A sample is the same for every method, whether it reads s'' or not, so its rows are those that have one.
+def _sample(observed: Episodes, wanted: int, needs: DataNeeds) -> Rows:
+    """The same rows for every method, whether it reads s'' or not, so they are of those that have one.
 
     Raises:
         UserError: when the sample is larger than what it is drawn from.
     """
-    place = (len(offline.observations), offline.transitions)
-    absorbs = needs.termination == "absorbing"
-
-    def every_row(episodes: Episodes, nowhere: int) -> Rows:
-        if _triples(needs):
-            return boundaries.exact_triples(episodes, "absorbing" if absorbs else "zero", nowhere)
-        rows = boundaries.exact_transitions(episodes)
-        return boundaries.absorb_transitions(rows, nowhere) if absorbs else rows
-
-    offline_rows = every_row(offline, absorbing)
-    wanted = recipe.expert_transitions
-    if wanted is None:
-        return offline_rows, every_row(expert, absorbing - place[0]).shifted(*place)
-    whole = boundaries.triples_within(expert)
+    whole = boundaries.triples_within(observed)
     if wanted > len(whole):
         raise UserError(
             f"The recipe samples {wanted} expert transitions; its trajectories hold {len(whole)} that have s''.",
-            "Lower expert_transitions, or record more expert_trajectories.",
+            "Lower expert_transitions, or observe more demonstrations.",
         )
     chosen = whole.at(np.random.Generator(np.random.Philox(wanted)).permutation(len(whole))[:wanted])
-    return offline_rows, (chosen if _triples(needs) else chosen.without_second()).shifted(*place)
+    return chosen if _triples(needs) else chosen.without_second()
 
 
 def _check(needs: DataNeeds) -> None:
@@ -207,15 +193,14 @@ def _triples(needs: DataNeeds) -> bool:
     return "second_next_observation" in (*needs.offline, *needs.expert)
 
 
-def _transform(observations: FloatArray, offline: Rows, needs: DataNeeds) -> ObservationTransform:
+def _transform(observations: FloatArray, offline: Rows, standardized: bool, indicator: bool) -> ObservationTransform:
     """Transforms the raw `observations` ``[M, obs (+ 1)]``, whose indicator column is there already, in place."""
     width = observations.shape[1]
     shift, scale = np.zeros(width, np.float32), np.ones(width, np.float32)
-    if needs.standardize:
+    if standardized:
         row = offline.observation[: offline.sampled]
         mean, std = moments(observations, row[row < len(observations)])
         shift, scale = mean.astype(np.float32), (std + STD_FLOOR).astype(np.float32)
         standardize(observations, shift, scale)
-    indicator = needs.termination == "absorbing"
     size = width - indicator
     return ObservationTransform(shift[:size], scale[:size], indicator)

@@ -9,7 +9,7 @@ import numpy as np
 
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Warning
-from lfobench.contract.suite import Recipe, Task, TrajectoryRecipe
+from lfobench.contract.suite import Task
 from lfobench.data.doctor import doubtful_ends, too_short
 from lfobench.data.source import TaskData
 from lfobench.errors import UserError
@@ -54,9 +54,8 @@ def remarks(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
     yield from unbounded_actions(data.task)
     yield from _outside_the_box(data)
     yield from _doubtful(data)
-    if isinstance(data.recipe, TrajectoryRecipe):
-        return  # every recorded demonstration is observed, the failed ones among them; the record says how many succeed
-    yield from _short(data, data.recipe, needs)
+    yield from _short(data, needs)
+    yield from _rows_of_several(data)
     yield from _poor_demonstration(data)
 
 
@@ -84,27 +83,47 @@ def _doubtful(data: TaskData) -> Iterator[Warning]:
             )
 
 
-def _short(data: TaskData, recipe: Recipe, needs: DataNeeds) -> Iterator[Warning]:
-    if recipe.expert_trajectories and needs.boundary == "released" and not data.released_expert_rows:
-        episodes = counted(len(data.expert.lengths), "episode")
-        yield Warning(
-            what=f"The expert part of {data.task.name} has {episodes} and does not reach {recipe.expert_trajectories} "
-            "trajectories by the released count, so none of it is mixed into the offline data.",
-            remedy="Take a task of fewer expert trajectories, or a longer expert part.",
-        )
-    for part, have, wanted in (
-        ("offline part", data.offline.transitions, recipe.offline_transitions),
-        ("expert part", data.expert.transitions, recipe.demonstration_rows),
-    ):
-        if have < wanted:
+def _short(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
+    """What there is less of than the recipe takes."""
+    recipe, episodes = data.recipe, len(data.expert.lengths)
+    poor = (data.offline.transitions, recipe.offline_transitions, "transitions")
+    if recipe.equal_transitions:
+        poor = (data.offline.transitions, data.demonstrations.transitions, "transitions")
+    elif recipe.offline_transitions is None:
+        poor = (len(data.offline.lengths), recipe.offline_trajectories, "trajectories")
+    shown = (episodes, recipe.demonstrations, "trajectories")
+    if recipe.demonstration_rows is not None:
+        shown = (data.expert.transitions, recipe.demonstration_rows, "transitions")
+    for part, (have, wanted, unit) in (("offline part", poor), ("expert part", shown)):
+        if have < (wanted or 0):
             yield Warning(
-                what=f"The {part} of {data.task.name} has {have:,} of the {wanted:,} transitions of the recipe.",
+                what=f"The {part} of {data.task.name} has {have:,} of the {wanted:,} {unit} of the recipe.",
                 remedy="Nothing, if that is how large the data is.",
             )
+    if needs.expert_joins and episodes < recipe.expert_trajectories:
+        joined = counted(episodes, "trajectory", "trajectories")
+        yield Warning(
+            what=f"The expert part of {data.task.name} has {joined} of the {recipe.expert_trajectories} that the "
+            "recipe mixes into the offline data; all of them are in it.",
+            remedy="Take a task of fewer expert trajectories, or a longer expert part.",
+        )
+
+
+def _rows_of_several(data: TaskData) -> Iterator[Warning]:
+    """Said where a count of rows, meant for one trajectory, spans several: not all methods count so."""
+    rows, length = data.recipe.demonstration_rows, int(data.expert.lengths[0])
+    if rows is not None and rows >= 2 * length:
+        yield Warning(
+            what=f"The recipe of {data.task.name} counts its demonstration as {rows:,} rows, and the first expert "
+            f"trajectory has {length:,}: methods of released boundaries see several trajectories, others one.",
+            remedy="Say demonstrations=N in the place of demonstration_rows.",
+        )
 
 
 def _poor_demonstration(data: TaskData) -> Iterator[Warning]:
-    if data.demonstration_score is None or len(data.expert.lengths) < FEWEST_EPISODES:
+    """Said of a single demonstration; where there are several, the record says how well they do."""
+    single = data.recipe.observed == 1 and len(data.expert.lengths) >= FEWEST_EPISODES
+    if data.demonstration_score is None or not single:
         return
     scores = [data.task.environment.normalized_score(value) for value in data.expert.returns().tolist()]
     mean, spread = statistics.fmean(scores), statistics.pstdev(scores)

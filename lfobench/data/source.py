@@ -10,12 +10,11 @@ import numpy as np
 from lfobench.contract.episodes import Episodes
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.record import Counts
-from lfobench.contract.suite import Recipe, Suite, Task, TrajectoryRecipe
-from lfobench.data import boundaries
+from lfobench.contract.suite import Recipe, Suite, Task
 from lfobench.data.cache import PartCache
 from lfobench.data.mixing import Mixture, mix
 from lfobench.errors import UserError
-from lfobench.plan.parts import requests
+from lfobench.plan.parts import PartRequest, requests
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class TaskData:
     """A task's episodes, their actions in a method's [-1, 1], and what identifies them."""
 
     task: Task
-    recipe: Recipe | TrajectoryRecipe
+    recipe: Recipe
     offline: Episodes
     expert: Episodes
     fingerprints: dict[str, str]
@@ -35,15 +34,6 @@ class TaskData:
         parts = {} if read is None else {"offline": read.offline, "expert": read.expert}
         return {part: {"name": file.name, "sha256": file.sha256} for part, file in parts.items() if file is not None}
 
-    @property
-    def released_expert_rows(self) -> int:
-        """Expert rows that the released walk mixes into the offline data; none of a recorded part joins it."""
-        if isinstance(self.recipe, TrajectoryRecipe):
-            return 0
-        rows = boundaries.released_transitions(self.expert)
-        horizon, count = self.task.environment.horizon, self.recipe.expert_trajectories
-        return len(boundaries.released_expert_prefix(rows, count, horizon))
-
     def score(self, episodes: Episodes) -> float | None:
         """Mean normalised score of episodes; None where their rewards do not say it."""
         told = self.task.read_from is None or self.task.read_from.returns
@@ -52,26 +42,28 @@ class TaskData:
         return self.task.environment.normalized_score(float(episodes.returns().mean()))
 
     @property
-    def demonstration_score(self) -> float | None:
-        """Normalised score of what is demonstrated; None where it is unknown.
+    def demonstrations(self) -> Episodes:
+        """The trajectories that are observed; of a demonstration that is counted in rows, the one that begins it."""
+        return self.expert.first_episodes(self.recipe.observed)
 
-        Of the first expert episode, with which the demonstration starts, or the mean of all where trajectories count.
-        """
-        return self.score(self.expert if isinstance(self.recipe, TrajectoryRecipe) else self.expert.first_episodes(1))
+    @property
+    def demonstration_score(self) -> float | None:
+        """Mean normalised score of the demonstrations; None where it is unknown."""
+        return self.score(self.demonstrations)
 
     def counts(self, needs: DataNeeds) -> Counts | None:
-        """What there is of the recipe's data, under a method's boundary rules; None where trajectories count."""
+        """What there is of the recipe's data, under a method's rules; None where all is counted in trajectories."""
         recipe = self.recipe
-        if isinstance(recipe, TrajectoryRecipe):
+        if recipe.offline_transitions is None:
             return None
-        if needs.boundary == "released":
-            trajectories = recipe.expert_trajectories if self.released_expert_rows else 0
+        rows = self.demonstrations.transitions
+        if recipe.demonstration_rows is not None and needs.boundary == "released":
             rows = min(recipe.demonstration_rows, self.expert.transitions)
-        else:
-            trajectories = min(recipe.expert_trajectories, len(self.expert.lengths))
-            rows = self.expert.first_episodes(1).transitions
         return Counts(
-            offline_transitions=self.offline.transitions, expert_trajectories=trajectories, demonstration_rows=rows
+            offline_transitions=self.offline.transitions,
+            expert_trajectories=min(recipe.expert_trajectories, len(self.expert.lengths)) if needs.expert_joins else 0,
+            demonstration_rows=rows,
+            demonstrations=None if recipe.demonstration_rows is not None else len(self.demonstrations.lengths),
         )
 
     def mixture(self, needs: DataNeeds) -> Mixture:
@@ -79,27 +71,31 @@ class TaskData:
         return mix(self.offline, self.expert, self.recipe, needs, self.task.environment.horizon)
 
 
-def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe, rebuild: str) -> TaskData:
+def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe, rebuild: str) -> TaskData:
     """Read and check a task's parts; `rebuild` is the command that makes missing shards again.
 
     Raises:
         UserError: when a shard is missing or damaged.
     """
     (offline, offline_mark), (expert, expert_mark) = (
-        PartCache(root, request.specification).load(request.transitions, rebuild)
-        for request in requests(suite, task, recipe)
+        _loaded(root, request, rebuild) for request in requests(suite, task, recipe)
     )
-    if isinstance(recipe, TrajectoryRecipe):
-        _check_actions(task, recipe, offline, expert)
+    _check_actions(task, recipe, offline, expert)
     check_columns(root, suite, task, recipe, rebuild)
-    if isinstance(recipe, TrajectoryRecipe) and recipe.equal_transitions:
-        offline = offline.first_transitions(expert.transitions)
+    if recipe.equal_transitions:
+        offline = offline.first_transitions(expert.first_episodes(recipe.observed).transitions)
     box = task.environment.spaces.actions
     offline, expert = (replace(part, actions=box.normalized(part.actions)) for part in (offline, expert))
     return TaskData(task, recipe, offline, expert, {"offline": offline_mark, "expert": expert_mark})
 
 
-def declared_fingerprints(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe) -> dict[str, str]:
+def _loaded(root: Path, request: PartRequest, rebuild: str) -> tuple[Episodes, str]:
+    """A part as far as it is asked for, and its fingerprint."""
+    episodes, mark = PartCache(root, request.specification).load(request.transitions, rebuild)
+    return episodes if request.trajectories is None else episodes.first_episodes(request.trajectories), mark
+
+
+def declared_fingerprints(root: Path, suite: Suite, task: Task, recipe: Recipe) -> dict[str, str]:
     """Fingerprints of a task's parts as their headers say; a part that is not whole is left out."""
     parts = zip(("offline", "expert"), requests(suite, task, recipe), strict=True)
     marks = {
@@ -109,7 +105,7 @@ def declared_fingerprints(root: Path, suite: Suite, task: Task, recipe: Recipe |
     return {part: mark for part, mark in marks.items() if mark is not None}
 
 
-def check_columns(root: Path, suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe, rebuild: str) -> None:
+def check_columns(root: Path, suite: Suite, task: Task, recipe: Recipe, rebuild: str) -> None:
     """Hold the files that a task is read from, once they are in the cache, against its environment.
 
     Raises:
@@ -128,9 +124,9 @@ def check_columns(root: Path, suite: Suite, task: Task, recipe: Recipe | Traject
                 )
 
 
-def _check_actions(task: Task, recipe: TrajectoryRecipe, offline: Episodes, expert: Episodes) -> None:
-    needed = {recipe.offline: offline} | ({recipe.expert: expert} if recipe.expert_actions else {})
-    for level, episodes in needed.items():
+def _check_actions(task: Task, recipe: Recipe, offline: Episodes, expert: Episodes) -> None:
+    needed = [(recipe.offline, offline), *([(recipe.expert, expert)] if recipe.expert_actions else [])]
+    for level, episodes in needed:
         if np.isnan(episodes.actions).any():
             raise UserError(
                 f"The {level} part of {task.name} was recorded without actions.",

@@ -125,7 +125,7 @@ def _train(
     check_unchanged(cell.method, cell.code)
     rebuild = build_command(cell.suite, cell.protocol.name, cell.task.name, spelled(cell.task, cell.source))
     data = load_task(job.cache, load_suite(cell.suite), cell.task, cell.recipe, rebuild)
-    needs = cell.method.needs(cell.config)
+    needs = cell.needs
     mixture = data.mixture(needs)
     if LABEL in needs.offline:
         yield Advance(LABEL, 0, 1, None)

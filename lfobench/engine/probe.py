@@ -16,7 +16,7 @@ from torch import Tensor
 
 from lfobench.contract.method import DataNeeds, Field, Method, Shapes, Sizes, Stage
 from lfobench.contract.randomness import Randomness
-from lfobench.contract.suite import Demonstrator, Environment, FloatArray, Operator, Recipe, TrajectoryRecipe
+from lfobench.contract.suite import Demonstrator, Environment, FloatArray, Operator
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.memory import Footprint, peak_bytes
@@ -72,7 +72,7 @@ class Prober:
             torch.set_num_threads(threads)
             programs = _programs(cell, shapes, seeds, self._device)
             self._steps[key] = {name: _seconds_per_call(update, self._device) for name, update, _ in programs}
-        sizes = most_rows(cell.recipe, environment.horizon)
+        sizes = Sizes(*cell.recipe.most_rows(environment.horizon))
         method = cell.method(cell.config, shapes, [0], torch.device("cpu"))
         steps = protocol.steps_for(cell.task)
         training = sum(
@@ -119,8 +119,8 @@ class Prober:
     def footprint(self, cell: Cell) -> Footprint:
         """Bytes of the cell's data and of one seed's training, from their shapes and one step on a CPU."""
         _, observation, action = self._simulator(cell)
-        rows = most_rows(cell.recipe, cell.task.environment.horizon)
-        needs = cell.method.needs(cell.config)
+        rows = Sizes(*cell.recipe.most_rows(cell.task.environment.horizon))
+        needs = cell.needs
         fields = len(needs.offline) + len(needs.expert)
         data = (rows.offline + rows.expert) * 4 * (observation + 1 + action + fields)
         key = (cell.method.name, cell.config.model_dump_json(), cell.task.environment.name)
@@ -134,21 +134,11 @@ class Prober:
         return Footprint(fixed=data, per_seed=self._seed_bytes[key])
 
 
-def most_rows(recipe: Recipe | TrajectoryRecipe, horizon: int) -> Sizes:
-    """Rows that a recipe gives to train on, if every trajectory runs to the horizon."""
-    if not isinstance(recipe, TrajectoryRecipe):
-        offline = recipe.offline_transitions + recipe.expert_trajectories * horizon
-        return Sizes(offline=offline, expert=recipe.demonstration_rows)
-    recorded = recipe.expert_trajectories * horizon
-    offline = recorded if recipe.equal_transitions else recipe.offline_trajectories * horizon
-    return Sizes(offline=offline, expert=recipe.expert_transitions or recorded)
-
-
 def _programs(
     cell: Cell, raw: Shapes, seeds: int, device: torch.device
 ) -> list[tuple[str, Callable[[], None], Method]]:
     """Every stage of a cell on random data: its name, a call that makes one update, and the method."""
-    needs = cell.method.needs(cell.config)
+    needs = cell.needs
     shapes = Shapes(raw.observation + int(needs.termination == "absorbing"), raw.action)
     view = random_view(needs, shapes, device)
     method: Method = cell.method(cell.config, shapes, range(seeds), device)

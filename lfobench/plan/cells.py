@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
 from pydantic import ValidationError
 
-from lfobench.contract.method import Method, MethodConfig, PresetName
+from lfobench.contract.method import DataNeeds, Method, MethodConfig, PresetName
 from lfobench.contract.record import NUMBERS, Labels, Tuning, content_hash
-from lfobench.contract.suite import Recipe, Task, TrajectoryRecipe
+from lfobench.contract.suite import Recipe, Task
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.precision import Precision
 from lfobench.plan.protocol import Protocol
@@ -63,9 +63,19 @@ class Cell:
     starts: Starts = "evaluation"
 
     @property
-    def recipe(self) -> Recipe | TrajectoryRecipe:
+    def recipe(self) -> Recipe:
         """The recipe under the protocol's caps."""
         return self.protocol.recipe_for(self.task)
+
+    @property
+    def needs(self) -> DataNeeds:
+        """What the method must see; on some tasks without the expert trajectories that others find in the mix."""
+        needs: DataNeeds = self.method.needs(self.config)
+        return replace(needs, expert_joins=False) if self._without_expert else needs
+
+    @property
+    def _without_expert(self) -> bool:
+        return self.method.name in self.task.without_expert and self.recipe.expert_trajectories > 0
 
     @cached_property
     def identity(self) -> dict[str, Any]:
@@ -83,7 +93,8 @@ class Cell:
             "environment": {**asdict(environment), "arguments": dict(environment.arguments)},
             # Only where it is not [-1, 1], which older identities do not say.
             **({} if (box := environment.spaces.actions).is_unit else {"action_box": box.identity}),
-            "recipe": asdict(self.recipe),
+            "recipe": self.recipe.identity,
+            **({"expert_joins": False} if self._without_expert else {}),
             "source": self.source,
             "data": dict(self.data),
             "protocol": self.protocol.identity(self.task),
@@ -107,8 +118,8 @@ class Cell:
 
     @property
     def _decided_by_the_recipe(self) -> tuple[str, ...]:
-        """Fields that play no part: nothing follows the end of a recorded trajectory, whatever a method would have."""
-        return ("termination",) if isinstance(self.task.recipe, TrajectoryRecipe) else ()
+        """Fields that play no part: where boundaries are exact, nothing teleports, whatever a method would have."""
+        return ("termination",) if self.task.recipe.exact else ()
 
     @property
     def label(self) -> str:

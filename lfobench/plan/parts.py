@@ -10,7 +10,7 @@ from typing import Any
 
 from lfobench.contract.files import DataFile
 from lfobench.contract.record import content_hash
-from lfobench.contract.suite import Environment, Level, Operator, Recipe, Suite, Task, TrajectoryRecipe
+from lfobench.contract.suite import Environment, Level, Operator, Recipe, Suite, Task
 from lfobench.errors import UserError
 from lfobench.plan.file_parts import FilePart, file_part
 
@@ -87,7 +87,7 @@ class PartSpecification:
         return f"{self.environment.name}-{self.level}-{self.hash[:10]}"
 
     def shards_for(self, transitions: int | None) -> int:
-        """Shards that certainly hold that many transitions; None asks for a recorded part, whole."""
+        """Shards that certainly hold that many transitions; None asks for the part, whole."""
         return 1 if transitions is None else -(-transitions // self.shard_transitions)
 
 
@@ -101,13 +101,15 @@ class PartRequest:
 
     Attributes:
         specification: what the part is.
-        transitions: None reads a recorded part, which has one length.
+        transitions: None reads the part whole.
         path: of the file that it is made of, if it is.
+        trajectories: the first so many are kept of what was read; None keeps them all.
     """
 
     specification: Part
     transitions: int | None
     path: str | None = None
+    trajectories: int | None = None
 
 
 def specification(suite: Suite, task: Task, level: Level, episodes: int | None = None) -> PartSpecification:
@@ -135,7 +137,8 @@ def specification(suite: Suite, task: Task, level: Level, episodes: int | None =
         raise UserError(
             f"The {level} part of {task.name} is made by {'an operator' if episodes is None else 'a policy'}, "
             f"and its recipe counts {'transitions' if episodes is None else 'trajectories'}.",
-            f"Mend suite '{suite.name}': a TrajectoryRecipe goes with operators, a Recipe with policies.",
+            f"Mend suite '{suite.name}': a Recipe of offline_trajectories goes with operators, one of "
+            "offline_transitions with policies.",
         )
     return PartSpecification(
         environment=task.environment,
@@ -153,28 +156,36 @@ def build_command(suite: str, protocol: str, task: str, source: str = "generated
     return shlex.join(words if source == "generated" else [*words, "--source", source])
 
 
-def requests(suite: Suite, task: Task, recipe: Recipe | TrajectoryRecipe) -> tuple[PartRequest, PartRequest]:
+def requests(suite: Suite, task: Task, recipe: Recipe) -> tuple[PartRequest, PartRequest]:
     """The offline and the expert part that a recipe reads.
 
     The released walk counts a trajectory every H of its rows, but a timed-out episode has only H - 1 of them
     (methods.md 2.4): K counts take up to K H / (H - 1) episodes, and one more for the triples at the seam.
     """
-    if isinstance(recipe, TrajectoryRecipe):
+    read, horizon = task.read_from, task.environment.horizon
+    offline, expert = (None, None) if read is None else (read.offline, read.expert)
+    joined, observed = recipe.expert_trajectories, recipe.observed
+    if recipe.offline_transitions is None:
+        trajectories = recipe.offline_trajectories
         return (
-            PartRequest(specification(suite, task, recipe.offline, recipe.offline_trajectories), None),
-            PartRequest(specification(suite, task, recipe.expert, recipe.expert_trajectories), None),
+            _request(suite, task, recipe.offline, offline, None, trajectories),
+            _request(suite, task, recipe.expert, expert, None, max(joined, observed)),
         )
-    horizon = task.environment.horizon
-    episodes = -(-recipe.expert_trajectories * horizon // max(horizon - 1, 1)) + 1
-    expert_transitions = episodes * horizon
-    offline, expert = (None, None) if task.read_from is None else (task.read_from.offline, task.read_from.expert)
+    episodes = max(-(-joined * horizon // max(horizon - 1, 1)) + 1, observed)
     return (
         _request(suite, task, recipe.offline, offline, recipe.offline_transitions),
-        _request(suite, task, recipe.expert, expert, expert_transitions),
+        _request(suite, task, recipe.expert, expert, episodes * horizon),
     )
 
 
-def _request(suite: Suite, task: Task, level: Level, file: DataFile | None, transitions: int) -> PartRequest:
+def _request(
+    suite: Suite,
+    task: Task,
+    level: Level,
+    file: DataFile | None,
+    transitions: int | None,
+    trajectories: int | None = None,
+) -> PartRequest:
     if file is None:
-        return PartRequest(specification(suite, task, level), transitions)
-    return PartRequest(file_part(file, task.environment.horizon), transitions, file.path)
+        return PartRequest(specification(suite, task, level, trajectories), transitions, None, trajectories)
+    return PartRequest(file_part(file, task.environment.horizon), transitions, file.path, trajectories)

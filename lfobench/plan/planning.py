@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from lfobench.contract.suite import Suite, Task, TrajectoryRecipe
+from lfobench.contract.suite import Suite, Task
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.cells import Cell, Run, configure
 from lfobench.plan.names import chosen_methods, chosen_tasks, parse_assignments, parse_seeds
@@ -133,9 +133,7 @@ def check_environment(task: Task) -> None:
 
 
 def _check_actions(cell: Cell) -> None:
-    recipe = cell.task.recipe
-    recorded = not isinstance(recipe, TrajectoryRecipe) or recipe.expert_actions
-    if not recorded and "action" in cell.method.needs(cell.config).expert:
+    if not cell.task.recipe.expert_actions and "action" in cell.needs.expert:
         raise UserError(
             f"{cell.method.name} needs expert actions, and the demonstrations of {cell.task.name} have none.",
             "Leave the method or the task out: --methods, --tasks.",

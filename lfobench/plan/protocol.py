@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from lfobench.contract.suite import Recipe, Task, TrajectoryRecipe
+from lfobench.contract.suite import Recipe, Task
 from lfobench.errors import unknown_name
 
 
@@ -60,16 +60,9 @@ class Protocol:
     def _own_steps(self, task: Task) -> int:
         return task.paper_steps if self.steps is None else self.steps
 
-    def recipe_for(self, task: Task) -> Recipe | TrajectoryRecipe:
-        """The task's recipe under this protocol's caps; recorded trajectories are few, and have none."""
-        recipe = task.recipe
-        if isinstance(recipe, TrajectoryRecipe):
-            return recipe
-        return replace(
-            recipe,
-            offline_transitions=min(recipe.offline_transitions, self.offline_transitions or recipe.offline_transitions),
-            expert_trajectories=min(recipe.expert_trajectories, self.expert_trajectories or recipe.expert_trajectories),
-        )
+    def recipe_for(self, task: Task) -> Recipe:
+        """The task's recipe under this protocol's caps."""
+        return task.recipe.capped(self.offline_transitions, self.expert_trajectories)
 
     def identity(self, task: Task) -> dict[str, Any]:
         """The fields that enter a run's identity."""

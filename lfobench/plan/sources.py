@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lfobench.contract.files import GENERATED, DataFile, Files, check_keys, own_file
-from lfobench.contract.suite import Suite, Task, TrajectoryRecipe
+from lfobench.contract.suite import Recipe, Suite, Task
 from lfobench.errors import UserError, unknown_name
 from lfobench.plan.names import split_names
 
@@ -100,7 +100,7 @@ def read_from(tasks: Sequence[Task], source: str, own: Files | None, find: Find)
     """The tasks as a source has them: read from its files, in its environments, mixed by its recipes.
 
     Raises:
-        UserError: a task that the source does not have, or files for a recipe of recorded trajectories.
+        UserError: a task that the source does not have.
     """
     if source == GENERATED:
         return list(tasks)
@@ -113,23 +113,24 @@ def read_from(tasks: Sequence[Task], source: str, own: Files | None, find: Find)
                 f"Task '{task.name}' has no source '{source}', only {', '.join([GENERATED, *task.files])}.",
                 f"Choose those that have it: --tasks {','.join(have)}" if have else "Choose another source.",
             )
-        if isinstance(task.recipe, TrajectoryRecipe):
-            raise UserError(
-                f"The data of {task.name} are recordings of its own operators; no file takes their place.",
-                "Leave out --source.",
-            )
         offline, expert = (None if file is None else find(file, source) for file in (files.offline, files.expert))
         here = replace(files, offline=offline, expert=expert)
         found.append(
             replace(
                 task,
                 environment=files.environment or task.environment,
-                recipe=files.recipe or task.recipe,
+                recipe=_counted(files.recipe or task.recipe, own),
                 group=files.group or task.group,
                 read_from=here,
             )
         )
     return found
+
+
+def _counted(recipe: Recipe, own: Files | None) -> Recipe:
+    """The recipe as it is for a user's expert file, whose trajectories may have any length: rows are not counted."""
+    own_expert = own is not None and own.expert is not None
+    return replace(recipe, demonstration_rows=None) if own_expert else recipe
 
 
 def _of_task(own: Files, task: Task) -> Files:

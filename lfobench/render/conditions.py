@@ -11,7 +11,7 @@ from lfobench.errors import UserError
 
 # What a column may change. Everything else in an identity is a condition that a row holds fixed.
 COLUMN_FIELDS = frozenset(
-    {"method", "method_version", "method_code", "preset", "config", "overrides", "set", "tuned", "seed"}
+    {"method", "method_version", "method_code", "preset", "config", "overrides", "set", "tuned", "expert_joins", "seed"}
 )
 
 _SEPARATELY = "Put the records of one of them into a folder of their own and make a table of each."

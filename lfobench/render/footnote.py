@@ -11,7 +11,7 @@ from lfobench.render.cell_text import DIVERGED, FAILED, MISSING
 from lfobench.render.highlight_note import highlight_notes
 from lfobench.render.score_notes import score_notes
 from lfobench.render.table import Note, Table
-from lfobench.render.training_notes import counts_trajectories, data_note, protocol_note, tuning_notes
+from lfobench.render.training_notes import counts_trajectories, data_note, protocol_note, sees_the_mix, tuning_notes
 from lfobench.render.wording import Columns, assignments, either, per_column
 from lfobench.stats.comparison import PAIRED
 
@@ -92,8 +92,9 @@ def seeds_note(table: Table) -> Note:
 
 
 def _layer(protocol: str, records: Sequence[Record]) -> str:
-    """Who changes a method's configuration besides the user; tasks with recorded trajectories may, too."""
-    return f"protocol {protocol}{' or task' if any(map(counts_trajectories, records)) else ''}"
+    """Who changes a method's configuration besides the user: tasks of some kinds of data may, too."""
+    by_task = any(counts_trajectories(record) or not sees_the_mix(record) for record in records)
+    return f"protocol {protocol}{' or task' if by_task else ''}"
 
 
 def _configurations(layer: str, columns: Columns) -> Iterator[Note]:

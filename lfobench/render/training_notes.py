@@ -74,16 +74,32 @@ def _files(records: Sequence[Record]) -> str:
 
 
 def _mixed(records: Sequence[Record]) -> str:
-    def values(field: str) -> str:
-        found = sorted({_there(record, field) for record in records})
+    def values(field: str, of: Sequence[Record]) -> str:
+        found = sorted({_there(record, field) for record in of})
         return " or ".join(f"{there:,}{_of_recipe(there, wanted)}" for there, wanted in found)
 
-    mixed = values("expert_trajectories")
+    def trajectories(count: str, whose: str = "") -> str:
+        return f"{count} {whose}trajector{'y' if count == '1' else 'ies'}"
+
+    joined = [record for record in records if sees_the_mix(record)]
+    apart = dict.fromkeys(record.method for record in records if not sees_the_mix(record))
+    mixed = trajectories(values("expert_trajectories", joined), "expert ") if joined else "no expert trajectory"
+    none = f" (none for {', '.join(apart)}, as their authors have it)" if joined and apart else ""
+    by_rows = [record for record in records if record.identity["recipe"].get("demonstration_rows") is not None]
+    others = [record for record in records if record not in by_rows]
+    shown = [
+        *([f"{values('demonstration_rows', by_rows)} rows"] if by_rows else []),
+        *([trajectories(values("demonstrations", others))] if others else []),
+    ]
     return (
-        f"Offline data: {values('offline_transitions')} transitions and, with their actions, "
-        f"{mixed} expert trajector{'y' if mixed == '1' else 'ies'}. "
-        f"Expert data: {values('demonstration_rows')} rows, observations only."
+        f"Offline data: {values('offline_transitions', records)} transitions and, with their actions, {mixed}{none}. "
+        f"Expert data: {' or '.join(shown)}, observations only."
     )
+
+
+def sees_the_mix(record: Record) -> bool:
+    """Whether the expert trajectories of its recipe were in the offline data of a record."""
+    return bool(record.identity.get("expert_joins", True))
 
 
 def _there(record: Record, field: str) -> tuple[int, int]:

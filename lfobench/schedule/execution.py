@@ -234,7 +234,7 @@ def _look_at_data(agenda: Agenda, rebuild: Callable[[str], str], stop: StopReque
             data = load_task(agenda.cache, agenda.plan.suite, of_task[0].task, of_task[0].recipe, rebuild(name))
             check_parts(data)
             for cell in of_task:
-                watcher.warn(list(remarks(data, cell.method.needs(cell.config))))
+                watcher.warn(list(remarks(data, cell.needs)))
 
 
 def remove_checkpoints_of_the_finished(agenda: Agenda, out: Path) -> None:

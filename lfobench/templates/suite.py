@@ -35,7 +35,7 @@ TASK = Task(
     group="random+expert",
     # Name, Gymnasium's id, steps per episode, and the returns that score 0 and 100.
     environment=Environment("pole", "InvertedPendulum-v5", 1000, 5.0, 1000.0),
-    recipe=Recipe("random", 100_000, "expert", expert_trajectories=30, demonstration_rows=1000),
+    recipe=Recipe("random", 100_000, "expert", expert_trajectories=30),
     paper_steps=50_000,
     # From files of yours beside this one: files={"own": Files(own_file("offline.hdf5"), own_file("expert.hdf5"))}
 )

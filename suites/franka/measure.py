@@ -8,7 +8,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lfobench.contract.suite import Recipe
 from suites.demonstrators.measure import returns_and_lengths, standard_error
 from suites.franka.demonstrator import load
 from suites.kitchen import SUITE
@@ -17,7 +16,6 @@ from suites.kitchen import SUITE
 def levels(episodes: int) -> Iterator[str]:
     """Of both parts of both tasks: score and its standard error, steps of an episode, and who does all four."""
     for task in SUITE.tasks:
-        assert isinstance(task.recipe, Recipe)
         for level in (task.recipe.expert, task.recipe.offline):
             returns, lengths = returns_and_lengths(task.environment, load("kitchen", level).act, episodes)
             scores = np.array([task.environment.normalized_score(value) for value in returns])

@@ -1,14 +1,16 @@
-"""Tasks of somebody else's environment, from a suite file and its neighbours to a table: actions in other boxes."""
+"""Somebody else's environment and files, from a suite file and its neighbours to a table: boxes, demonstrations."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from helpers_cli import InProcess, assert_refused
+from helpers_files import make_episodes, write_d4rl
 
 from lfobench.store.folder import RecordFolder
 
@@ -94,3 +96,48 @@ def test_actions_of_files_that_leave_the_box_are_said_before_training_and_in_the
     for what in said:
         assert "200 actions of 400 in the offline part" in what and "[-2, 2]" in what and "1.25" in what
         assert done.err.index(what[:40]) < done.err.index("seed 0: score")
+
+
+OWN_RECIPES = """
+from lfobench.contract.suite import Environment, Files, Recipe, Suite, Task, own_file
+CART = Environment("cart", "Pendulum-v1", 1000, -1500.0, 0.0)
+FILES = {{"mine": Files(own_file("{folder}/mine.hdf5"), own_file("{folder}/theirs.hdf5"))}}
+RECIPES = {{"counted": Recipe("mine", 1_000_000, "theirs", 2, demonstrations=2),
+           "default": Recipe("mine", 1_000_000, "theirs", 30),
+           "recorded": Recipe.recorded("mine", 4, "theirs", 3)}}
+SUITE = Suite("mine", "files", tuple(Task(n, "mine", CART, r, 20, files=FILES) for n, r in RECIPES.items()), None)
+"""
+
+
+@pytest.fixture
+def own_recipes(tmp_path: Path) -> Path:
+    """Files of 200-step episodes in an environment whose episodes are cut later."""
+    for name, count in (("mine", 6), ("theirs", 5)):
+        episodes = make_episodes([200] * count, [False] * count, 3, 1)
+        write_d4rl(tmp_path / f"{name}.hdf5", replace(episodes, actions=2.0 * episodes.actions))
+    path = tmp_path / "mine.py"
+    path.write_text(OWN_RECIPES.format(folder=tmp_path), encoding="utf-8")
+    return path
+
+
+def test_every_method_sees_the_same_demonstrations_of_own_files(
+    tmp_path: Path, own_recipes: Path, lfobench_command: InProcess
+) -> None:
+    run = ("run", "--suite", own_recipes, "--methods", "dilo,smodice,bco", "--protocol", "smoke", "--seeds", "0")
+    done = lfobench_command(*run, "--workers", "1", "--out", tmp_path / "runs")
+    assert done.code == 0, done.err
+    records = RecordFolder(tmp_path / "runs").read_all().records
+    assert len(records) == 9
+    for record in records:
+        assert record.identity["action_box"] == {"low": [-2.0], "high": [2.0]}
+        counts = {"counted": (2, 2), "default": (1, 2), "recorded": None}[record.task]
+        found = record.counts and (record.counts.demonstrations, record.counts.expert_trajectories)
+        assert found == counts, (record.method, record.task)
+        said = " ".join(warning.what for warning in record.warnings)
+        assert "leave" not in said and "demonstration" not in said
+    lines = {record.task: record.identity["recipe"] for record in records}
+    assert lines["recorded"]["expert_trajectories"] == 3 and lines["recorded"]["offline_trajectories"] == 4
+    table = json.loads(lfobench_command("table", "--out", tmp_path / "runs", "--format", "json").out)
+    source = next(note["text"] for note in table["notes"] if note["label"] == "Source")
+    assert "Expert data: 1 or 2 trajectories, observations only" in source
+    assert "Expert data, observations only: 3 theirs trajectories" in source

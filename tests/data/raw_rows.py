@@ -93,7 +93,7 @@ def dilo_triples(rows: Sequence[Raw]) -> list[Raw]:
 
 
 def expert_rows_taken(rows: Sequence[Raw], trajectories: int, horizon: int) -> int:
-    """The walk of 2.4: rows before the one at which the K-th trajectory is counted; none if it never is."""
+    """The walk of 2.4: rows before the one at which the K-th trajectory is counted; all of them if it never is."""
     counted = counter = 0
     for i, row in enumerate(rows):
         counter += 1
@@ -101,7 +101,7 @@ def expert_rows_taken(rows: Sequence[Raw], trajectories: int, horizon: int) -> i
             counted, counter = counted + 1, 0
             if counted == trajectories:
                 return i
-    return 0
+    return len(rows) if trajectories else 0
 
 
 def released_mix(offline: Episodes, expert: Episodes, trajectories: int, horizon: int) -> list[Raw]:

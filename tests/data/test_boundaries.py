@@ -81,9 +81,12 @@ def test_few_expert_by_the_numbers(trajectories: int, horizon: int, rows: int, t
     assert (len(taken), len(boundaries.released_triples(taken))) == (rows, triples)
 
 
-def test_an_unreachable_count_takes_no_row() -> None:
+@pytest.mark.parametrize("trajectories", [200, 201, 10**6])
+def test_a_count_that_is_not_reached_takes_every_row(trajectories: int) -> None:
+    """SMODICE's rule: 200 timed-out episodes of 99 rows each never make 200 times 100."""
     expert = boundaries.released_transitions(make_episodes([(100, False)] * 200, width=1))
-    assert len(boundaries.released_expert_prefix(expert, 200, 100)) == 0
+    assert len(boundaries.released_expert_prefix(expert, trajectories, 100)) == len(expert) == 200 * 99
+    assert len(boundaries.released_expert_prefix(expert, 0, 100)) == 0
 
 
 def test_terminated_trajectories_do_not_drift() -> None:

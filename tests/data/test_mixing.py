@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from raw_rows import (
+    Raw,
     dilo_triples,
     endings,
     exact_triples,
-    expert_rows_taken,
     make_episodes,
     q_learning_view,
     released_mix,
@@ -21,8 +23,9 @@ from raw_rows import (
 )
 
 from lfobench.contract.episodes import Episodes, concatenate
-from lfobench.contract.method import DataNeeds, Field, Termination
+from lfobench.contract.method import Boundary, DataNeeds, Field, Termination
 from lfobench.contract.suite import Recipe
+from lfobench.data.boundaries import Rows
 from lfobench.data.mixing import Mixture, mix
 
 Ends = list[tuple[int, bool]]
@@ -151,11 +154,73 @@ def test_the_time_limited_demonstration_spills_into_the_second_episode() -> None
     assert [row.observation in second_episode for row in rows] == [False] * 998 + [True]
 
 
-def test_an_unreachable_count_leaves_the_mix_without_expert_rows() -> None:
+def rows_of(found: Mixture, part: Rows) -> list[Raw]:
+    return values(part, found.observations, found.actions)
+
+
+def test_trajectories_that_are_not_reached_join_as_far_as_they_are_there() -> None:
+    """For every method, whether its boundaries are released or exact."""
     offline, expert = parts([(6, False)] * 3, [(4, False)] * 2)
     found = mixed(offline, expert, DataNeeds(PAIR, PAIR), trajectories=3)
-    assert values(found.offline, found.observations, found.actions) == q_learning_view(offline)
-    assert expert_rows_taken(q_learning_view(expert), 3, HORIZON) == 0
+    assert rows_of(found, found.offline) == q_learning_view(offline) + q_learning_view(expert)
+    found = mixed(offline, expert, DataNeeds(PAIR, PAIR, boundary="exact", termination="zero"), trajectories=3)
+    assert len(found.offline) == 3 * 6 + 2 * 4
+
+
+@pytest.mark.parametrize("boundary", ["released", "exact"])
+@pytest.mark.parametrize("fields", [PAIR, TRIPLE])
+def test_a_method_without_the_expert_s_trajectories_has_the_same_demonstration(
+    boundary: Boundary, fields: tuple[Field, ...]
+) -> None:
+    offline, expert = parts([(6, False), (4, True)], [(6, False), (5, True)])
+    termination: Termination = "teleport" if boundary == "released" else "zero"
+    needs = DataNeeds(fields, fields, boundary=boundary, termination=termination)
+    found, apart = mixed(offline, expert, needs), mixed(offline, expert, replace(needs, expert_joins=False))
+    assert rows_of(apart, apart.expert) == rows_of(found, found.expert)
+    none = mixed(offline, expert, needs, trajectories=0)
+    assert rows_of(apart, apart.offline) == rows_of(none, none.offline)
+    assert all(row.observation[0] < 5_000 for row in rows_of(apart, apart.offline))
+    assert any(row.observation[0] >= 5_000 for row in rows_of(found, found.offline))
+
+
+def states_of(found: Mixture, part: Rows) -> set[float]:
+    """Every observation that a part's rows lead through."""
+    rows = rows_of(found, part)
+    return {state[0] for row in rows for state in (row.observation, row.next_observation, row.second) if state}
+
+
+@given(
+    endings(longest=7), st.lists(st.tuples(st.integers(3, 7), st.booleans()), min_size=1, max_size=5), st.integers(1, 6)
+)
+def test_demonstrations_counted_in_trajectories_are_the_same_for_every_method(
+    offline_ends: Ends, expert_ends: Ends, demonstrations: int
+) -> None:
+    """No method sees a step beyond them; released readers lose their last steps, as they do anywhere."""
+    offline, expert = parts(offline_ends, expert_ends)
+    counted = Recipe("random", 1, "expert", 2, demonstrations=demonstrations)
+    whole = {state[0] for states, _, _ in walk(expert)[:demonstrations] for state in states}
+    seen: dict[str, set[float]] = {}
+    for fields in (PAIR, TRIPLE):
+        for boundary, termination in (("released", "teleport"), ("exact", "zero")):
+            needs = DataNeeds(fields, fields, boundary=boundary, termination=termination)  # type: ignore[arg-type]
+            found = mix(offline, expert, counted, needs, HORIZON)
+            seen[f"{boundary} {len(fields)}"] = states_of(found, found.expert)
+    assert seen["exact 2"] == seen["exact 3"] == whole
+    assert seen["released 3"] <= seen["released 2"] <= whole
+    # Two steps of a timed-out trajectory's end are not in a released reader's rows (methods.md 2.1 and 2.2).
+    assert len(whole - seen["released 3"]) <= 3 * demonstrations
+
+
+def test_trajectories_of_200_steps_are_as_many_for_everybody() -> None:
+    """The case of a user's own files: rows gave one method five of these and another a single one."""
+    offline, expert = parts([(6, False)], [(200, False)] * 8)
+    for demonstrations in (1, 3):
+        counted = Recipe("random", 1, "expert", 2, demonstrations=demonstrations)
+        for fields, released, exact in ((PAIR, 199, 200), (TRIPLE, 198, 199)):
+            found = mix(offline, expert, counted, DataNeeds(fields, fields), 1000)
+            assert found.expert.sampled == demonstrations * released
+            needs = DataNeeds(fields, fields, boundary="exact", termination="zero")
+            assert mix(offline, expert, counted, needs, 1000).expert.sampled == demonstrations * exact
 
 
 @pytest.mark.parametrize("boundary", ["released", "exact"])

@@ -18,7 +18,7 @@ from scene_suite import SUITE as SCENES
 
 from lfobench.contract.episodes import Episodes, FloatArray
 from lfobench.contract.method import DataNeeds, Field
-from lfobench.contract.suite import Environment, Task, TrajectoryRecipe
+from lfobench.contract.suite import Environment, Recipe, Task
 from lfobench.data.cache import PartCache
 from lfobench.data.generated import record
 from lfobench.data.manifest import manifest
@@ -32,13 +32,13 @@ PAIR: tuple[Field, ...] = ("observation", "next_observation")
 Ends = list[tuple[int, bool]]
 
 
-def recipe(sample: int | None = None) -> TrajectoryRecipe:
-    return TrajectoryRecipe("suboptimal", 1, "expert", 1, expert_transitions=sample)
+def recipe(sample: int | None = None, demonstrations: int = 1) -> Recipe:
+    return Recipe.recorded("suboptimal", 1, "expert", demonstrations, expert_transitions=sample)
 
 
 def mixed(offline: Ends, expert: Ends, fields: tuple[Field, ...], sample: int | None = None) -> Mixture:
     needs = DataNeeds(offline=fields, expert=fields)
-    return mix(make_episodes(offline), make_episodes(expert, start=5_000), recipe(sample), needs, 6)
+    return mix(make_episodes(offline), make_episodes(expert, start=5_000), recipe(sample, len(expert)), needs, 6)
 
 
 def plain_triples(episodes: Episodes) -> list[tuple[object, ...]]:
@@ -193,8 +193,8 @@ def test_every_method_sees_the_same_standardised_observations(
 def test_the_manifest_says_what_is_observed() -> None:
     offline, expert = make_episodes([(6, False)] * 3), make_episodes([(6, False)] * 2, start=5_000)
     environment = Environment("reach", "Reach-v0", 9, 0.0, 1.0)
-    task = Task("reach-few", "few", environment, recipe(5), 10)
-    counted = manifest(TaskData(task, recipe(5), offline, expert, {"offline": "a", "expert": "b"}))
+    task = Task("reach-few", "few", environment, recipe(5, 2), 10)
+    counted = manifest(TaskData(task, recipe(5, 2), offline, expert, {"offline": "a", "expert": "b"}))
     words = "\n".join(counted.sentences())
     assert "3 episodes, 18 transitions" in words
     assert "offline triples: 15" in words

@@ -10,13 +10,13 @@ import pytest
 import scene_suite
 from scene_suite import SUITE
 
-from lfobench.contract.suite import TrajectoryRecipe
+from lfobench.contract.suite import Recipe
 from lfobench.data.source import TaskData
 from lfobench.data.strokes import demonstrated_strokes
 
 
 def strokes(transitions: int | None, standardize: bool = False) -> tuple[TaskData, list[np.ndarray]]:
-    recipe = TrajectoryRecipe("random", 2, "expert", 3, expert_transitions=transitions, standardize=standardize)
+    recipe = Recipe.recorded("random", 2, "expert", 3, expert_transitions=transitions, standardize=standardize)
     task = replace(SUITE.tasks[0], recipe=recipe)
     offline, expert = (
         scene_suite.Hand("strike", level).record(count, np.random.default_rng(seed))

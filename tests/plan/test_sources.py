@@ -163,9 +163,20 @@ def test_what_cannot_be_generated_says_what_can_be_read(suite: Suite) -> None:
         requests(bare, task, task.recipe)
 
 
-def test_recordings_are_not_replaced_by_files() -> None:
-    with pytest.raises(UserError, match="recordings of its own operators"):
-        make_plan(Request("bc", "airhockey", source="offline=/a.hdf5"), lambda: False, here)
+def test_recordings_may_be_files_of_so_many_trajectories() -> None:
+    request = Request("bc", "airhockey", "puck-striking-20-expert", source="offline=/a.hdf5,expert=/b.hdf5")
+    (cell,) = make_plan(request, lambda: False, here).cells
+    offline, expert = requests(load_suite("airhockey"), cell.task, cell.recipe)
+    assert isinstance(offline.specification, FilePart) and isinstance(expert.specification, FilePart)
+    assert (offline.transitions, offline.trajectories) == (None, 50)
+    assert (expert.transitions, expert.trajectories) == (None, 20)
+
+
+def test_demonstrations_of_a_user_s_file_are_counted_in_trajectories() -> None:
+    """Of a published file in rows, as published; a recipe of trajectories stays what it is."""
+    for source, rows in (("expert=/b.hdf5", None), ("offline=/a.hdf5", 60), ("generated", 60)):
+        cells = make_plan(Request("bc", TINY, protocol="smoke", source=source), lambda: False, here).cells
+        assert {(cell.recipe.demonstration_rows, cell.recipe.observed) for cell in cells} == {(rows, 1)}
 
 
 def test_the_data_of_a_cell_is_the_content_of_its_files() -> None:

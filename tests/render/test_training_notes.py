@@ -119,6 +119,25 @@ def test_what_a_file_lacks_of_the_recipe_is_said() -> None:
     )
 
 
+def test_demonstrations_are_counted_as_the_recipe_does() -> None:
+    recipe = dict(make_record(0.0).identity["recipe"])
+    del recipe["demonstration_rows"]
+    one, three = (make_record(50.0, row=f"row{n}", recipe=recipe | {"demonstrations": n}) for n in (1, 3))
+    assert notes([one])["Source"].endswith("Expert data: 1 trajectory, observations only.")
+    assert notes([three])["Source"].endswith("Expert data: 3 trajectories, observations only.")
+    assert "Expert data: 1,000 rows or 3 trajectories," in notes([make_record(50.0), three])["Source"]
+    counts = Counts(offline_transitions=10**6, expert_trajectories=200, demonstration_rows=80, demonstrations=2)
+    lacking = notes([three.model_copy(update={"counts": counts})])["Source"]
+    assert "Expert data: 2 of the recipe's 3 trajectories, observations only." in lacking
+
+
+def test_methods_without_the_expert_s_trajectories_share_the_row_and_are_named() -> None:
+    records = [make_record(50.0), make_record(40.0, "smodice", expert_joins=False)]
+    text = notes(records)
+    assert "200 expert trajectories (none for smodice, as their authors have it). " in text["Source"]
+    assert "no expert trajectory. " in notes(records[1:])["Source"]
+
+
 # --- tuning ----------------------------------------------------------------------------------------------------------
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from lfobench.contract.suite import Recipe, Suite, Task
+from lfobench.plan.planning import Request, make_plan
 from lfobench.plan.sources import nowhere, read_from
 from suites.kitchen import PAPER, SUITE, WITHOUT_GOAL
 
@@ -25,7 +26,6 @@ every = pytest.mark.parametrize(
 
 
 def recipe_of(task: Task) -> Recipe:
-    assert isinstance(task.recipe, Recipe)
     return task.recipe
 
 
@@ -80,3 +80,21 @@ def test_all_that_a_recipe_names_can_be_generated(suite: Suite, task: Task) -> N
     recipe = recipe_of(task)
     assert suite.demonstrator(task.environment.name, recipe.offline).fingerprint
     assert suite.demonstrator(task.environment.name, recipe.expert).fingerprint
+
+
+@pytest.mark.parametrize("preset", ["released", "paper"])
+@pytest.mark.parametrize("suite", ["kitchen", "kitchen-paper", "kitchen-without-goal", "table1"])
+def test_smodice_and_oril_are_as_their_authors_run_them_here(suite: str, preset: str) -> None:
+    """chi^2, no absorbing state, and, where the mix is released, no expert trajectory in it (methods.md 2.6)."""
+    request = Request("smodice,oril,dilo,bco", suite, "kitchen-*", preset=preset, protocol="quick")
+    for cell in make_plan(request, lambda: False).cells:
+        name, config = cell.method.name, cell.identity["config"]
+        own = name in ("smodice", "oril")
+        assert config.get("absorbing", False) is False
+        assert config.get("divergence", "chi2") == "chi2"
+        assert cell.needs.expert_joins == (not own or suite == "kitchen-paper")
+        assert cell.identity.get("expert_joins", True) == cell.needs.expert_joins
+        assert cell.recipe.expert_trajectories == (30 if suite == "kitchen-paper" else 1)
+    (hopper,) = make_plan(Request("smodice", "locomotion", "hopper-random-expert"), lambda: False).cells
+    assert (hopper.identity["config"]["divergence"], hopper.needs.expert_joins) == ("kl", True)
+    assert "expert_joins" not in hopper.identity
