@@ -50,6 +50,8 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
             sealed = json.loads((file.metadata() or {})[KEY])
             tensors = {name: file.get_tensor(name) for name in file.offset_keys()}
         text = sealed["about"]
+        if not isinstance(text, str):
+            raise DamagedFile("its metadata is not text")
         if sealed["digest"] != _digest(tensors, text):
             raise DamagedFile("its contents do not match its digest")
         about = json.loads(text)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import torch
 from pydantic import Field
 from torch import Tensor, nn
@@ -102,7 +104,31 @@ class Momentum(Naive):
         return torch.tanh(observation @ self.weight)
 
 
-SOUND: tuple[type[Method], ...] = (Naive, Adapted, Momentum)
+class Delayed(Momentum):
+    """A target in a deque that is refreshed now and then, by a NumPy count, and noise of a generator that torch has."""
+
+    name = "delayed"
+
+    def __init__(self, config: NaiveConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
+        super().__init__(config, shapes, seeds, device)
+        self.targets = deque([torch.zeros_like(self.weight.detach())], maxlen=1)
+        self.count = np.int64(0)
+        self.generators = [torch.Generator().manual_seed(seed) for seed in seeds]
+        self.mask = torch.full((len(seeds), 2), -torch.inf)
+
+    def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
+        noise = torch.stack([torch.randn(offline["action"].shape[1:], generator=each) for each in self.generators])
+        metrics = super().update(stage, {**offline, "action": offline["action"] + noise}, expert, randomness)
+        self.count += 1
+        if self.count % 7 == 0:
+            self.targets[0].copy_(self.weight.detach())
+        return metrics
+
+    def act(self, observation: Tensor) -> Tensor:
+        return torch.tanh(observation @ (self.weight + self.targets[0]))
+
+
+SOUND: tuple[type[Method], ...] = (Naive, Adapted, Momentum, Delayed)
 
 
 class Copies(Naive):
@@ -111,6 +137,35 @@ class Copies(Naive):
     def state(self) -> State:
         layers = [network[0] for network in self.networks]
         return {"weight": torch.stack([layer.weight.detach() for layer in layers])}
+
+
+class Partial(Momentum):
+    """`state` forgets the optimiser's buffer's like: a running mean."""
+
+    def __init__(self, config: NaiveConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
+        super().__init__(config, shapes, seeds, device)
+        self.mean = torch.zeros(len(seeds), device=device)
+
+    def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
+        self.mean += offline["action"].mean((1, 2))
+        return {"mean": self.mean.clone()}
+
+    def state(self) -> State:
+        return {"weight": self.weight}
+
+
+class Replacing(Naive):
+    """A weight that is made anew at every update: right, and not to be recorded."""
+
+    def __init__(self, config: NaiveConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
+        self.weight = torch.zeros(len(seeds), shapes.observation, shapes.action, device=device)
+
+    def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
+        self.weight = self.weight + 0.1 * offline["observation"].mean(1)[..., None]
+        return {"weight": self.weight.mean((1, 2))}
+
+    def act(self, observation: Tensor) -> Tensor:
+        return torch.tanh(observation @ self.weight)
 
 
 class Mixed(Momentum):
@@ -209,14 +264,14 @@ class Odd(Momentum):
 
 
 class Hidden(Momentum):
-    """A generator of its own, which nobody can save."""
+    """A generator of NumPy's, which cannot be saved."""
 
     def __init__(self, config: NaiveConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:
         super().__init__(config, shapes, seeds, device)
-        self.generator = torch.Generator().manual_seed(0)
+        self.generator = np.random.default_rng(0)
 
     def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
-        noise = torch.randn(offline["action"].shape[1:], generator=self.generator)
+        noise = torch.from_numpy(self.generator.standard_normal(offline["action"].shape[1:], dtype=np.float32))
         return super().update(stage, {**offline, "action": offline["action"] + noise}, expert, randomness)
 
 
@@ -258,7 +313,8 @@ BROKEN: tuple[tuple[type[Method], str, str], ...] = (
     (Scalar, "metrics", "shape"),
     (Attached, "metrics", "detached"),
     (Odd, "state", "odd"),
-    (Hidden, "saved and restored", "weight"),
+    (Hidden, "state", "generator"),
+    (Partial, "saved and restored", "mean"),
     (Greedy, "may see", "expert actions"),
     (Raising, "metrics", "reward"),
 )

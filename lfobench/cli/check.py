@@ -42,6 +42,7 @@ def check(
             output.print(f"{mark} {escape(each.rule)}", soft_wrap=True)
             if each.problem:
                 output.print(f"       {escape(each.problem)}", soft_wrap=True)
-        words = "breaks a rule and would not be trained" if broken else "keeps the contract"
+        words = "breaks a rule, so the rules after it were not checked, and `run` refuses it"
+        words = words if broken else "keeps the contract"
         output.print(f"{escape(known.name)} {words}.", soft_wrap=True)
     raise typer.Exit(1 if broken else 0)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
 from lfobench.contract.record import Evaluation, Metrics
@@ -116,7 +116,7 @@ def load(path: Path, key: str) -> Checkpoint | None:
             return None
         progress = Progress.model_validate(about["progress"])
         values = dict(about["values"])
-    except (DamagedFile, OSError, KeyError, TypeError, ValidationError):
+    except (DamagedFile, OSError, KeyError, TypeError, ValueError):
         return None
     sums = {name.removeprefix(METRIC_SUM): tensors.pop(name) for name in list(tensors) if name.startswith(METRIC_SUM)}
     return Checkpoint(progress, SeedState(tensors, values), sums)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import torch
 
-from lfobench.contract.method import DataNeeds
+from lfobench.contract.method import DataNeeds, Shapes
 from lfobench.contract.record import Evaluation, Record, Warning, content_hash
 from lfobench.data.firewall import View, view
 from lfobench.data.labels import LABEL, labels_of
@@ -20,6 +20,7 @@ from lfobench.data.source import TaskData, load_task
 from lfobench.engine import checkpoint
 from lfobench.engine.policy import save_policy
 from lfobench.engine.provenance import package_versions, provenance
+from lfobench.engine.state import CPU, MethodState, StateError
 from lfobench.engine.training import Advance, Trainer
 from lfobench.files import Held, locked, writable_folder
 from lfobench.plan.cells import Cell, Run
@@ -148,7 +149,7 @@ def _train(
     groups: dict[tuple[int, int], list[_Resumed]] = {}
     for index, run in enumerate(runs):
         key = content_hash([run.identity, device.type, inputs])
-        saved = checkpoint.load(folder.checkpoint(run), key)
+        saved = _fitting(run, seen.shapes, checkpoint.load(folder.checkpoint(run), key))
         place = (0, 0) if saved is None else saved.progress.place
         groups.setdefault(place, []).append(_Resumed(run, index, key, saved))
     together = [groups[place] for place in sorted(groups, reverse=True)]
@@ -167,6 +168,18 @@ def _train(
             return
         trainer.progress.seconds["load"] = loaded
         yield from _write([each.run for each in group], trainer, folder, data, needs, seen, device)
+
+
+def _fitting(run: Run, shapes: Shapes, saved: checkpoint.Checkpoint | None) -> checkpoint.Checkpoint | None:
+    """A checkpoint that a method of this seed takes; None, so that the seed starts afresh, where it does not."""
+    if saved is None:
+        return None
+    trial = run.cell.method(run.cell.config, shapes, [run.seed], CPU)
+    try:
+        MethodState.of(trial, shapes, 1).restore([saved.state])
+    except StateError:
+        return None
+    return saved
 
 
 class _Stopped(Exception):

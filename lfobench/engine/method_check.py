@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import random
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -27,7 +28,16 @@ from lfobench.data.firewall import FirewallError, View, check_declaration
 from lfobench.engine.draws import RunningStep
 from lfobench.engine.probe import random_view
 from lfobench.engine.sampling import StageSampler
-from lfobench.engine.state import CPU, MethodState, SeedState, StateError, StateLayout, state_layout
+from lfobench.engine.state import (
+    CPU,
+    MethodState,
+    SeedState,
+    StateError,
+    StateLayout,
+    held_tensors,
+    live_tensors,
+    state_layout,
+)
 from lfobench.errors import UserError
 
 SHAPES = Shapes(observation=11, action=3)
@@ -36,11 +46,11 @@ SEEDS = (7, 3, 11)
 
 ALONE = 1
 ROWS = 600
-UPDATES = 2
+UPDATES = 4
 PROBES = 5
 EPISODES, STEPS = 6, 20
 
-READS_BACK = "an update reads no value back"
+READS_BACK = "an update turns no tensor into a Python number, and changes tensors in place"
 
 
 @dataclass(frozen=True)
@@ -94,9 +104,10 @@ def require_sound(method: type[Method], config: Any, shapes: Shapes) -> None:
     """
     for finding in check_method(method, config, shapes):
         if finding.problem and finding.fatal:
+            place = method.name if "." in method.__module__ else _file(method) or method.name
             raise UserError(
                 f"Method '{method.name}' breaks the rule that {finding.rule}: {finding.problem}.",
-                f"'lfobench check {method.name}' says what was checked.",
+                f"Check it with the same --protocol, --preset and --set: lfobench check {shlex.quote(place)}",
             )
 
 
@@ -166,8 +177,10 @@ class _Check:
             generator = torch.Generator().manual_seed(1)
             lengths = torch.full((EPISODES,), STEPS)
             steps = EPISODES * STEPS
+            observations = torch.randn(steps + EPISODES, self._shapes.observation, generator=generator)
+            observations[-1] = torch.nan  # as where the data does not hold the last one
             return Trajectories(
-                observations=torch.randn(steps + EPISODES, self._shapes.observation, generator=generator),
+                observations=observations,
                 actions=torch.rand(steps, self._shapes.action, generator=generator) * 2 - 1 if actions else None,
                 lengths=lengths,
                 terminated=torch.arange(EPISODES) % 2 == 0,
@@ -227,6 +240,7 @@ class _Check:
         return None
 
     def resuming(self) -> str | None:
+        self._own_state()
         straight = self._built(SEEDS)
         for stage in self._stages(straight):
             self._updated(straight, SEEDS, stage, 0, UPDATES)
@@ -247,6 +261,21 @@ class _Check:
         self._assert_same(one, SEEDS, other, SEEDS, "another state of torch's, NumPy's or Python's generator")
         return None
 
+    def _own_state(self) -> None:
+        """A `state` that somebody wrote must hold every tensor that updates change."""
+        method = self._built(SEEDS)
+        own = method.state()
+        if own is None:
+            return
+        places = {tensor.untyped_storage().data_ptr() for tensor in own.values()}
+        before = {name: tensor.clone() for name, tensor in held_tensors(method).items()}
+        for stage in self._stages(method):
+            self._updated(method, SEEDS, stage, 0, UPDATES)
+        for name, tensor in held_tensors(method).items():
+            changed = name not in before or not torch.equal(before[name], tensor)
+            if changed and "@" not in name and tensor.untyped_storage().data_ptr() not in places:
+                raise _Broken(f"`state` does not hold '{name}', which updates change; leave `state` out")
+
     def seeds(self) -> str | None:
         group, alone = self._trained(SEEDS), self._trained((SEEDS[ALONE],))
         many, one = (self._state(each, seeds).capture() for each, seeds in ((group, SEEDS), (alone, SEEDS[ALONE:][:1])))
@@ -262,9 +291,12 @@ class _Check:
     def reading_back(self) -> str | None:
         method = self._built(SEEDS)
         places: set[str] = set()
+        before = live_tensors(method)  # kept, so that no other tensor can take their place in memory
         with _Reads(self._class, places):
             for stage in self._stages(method):
                 self._updated(method, SEEDS, stage, 0, UPDATES)
+        now = live_tensors(method)
+        places |= {f"'{name}' is replaced" for name in before if now[name].data_ptr() != before[name].data_ptr()}
         if places:
             return f"{', '.join(sorted(places))}; on a CUDA device its steps run one by one"
         return None
@@ -369,7 +401,8 @@ def _differing(one: Sequence[SeedState], other: Sequence[SeedState]) -> str | No
         for name in mine.tensors.keys() | theirs.tensors.keys():
             if name not in mine.tensors or name not in theirs.tensors:
                 return name
-            if not torch.equal(mine.tensors[name].nan_to_num(), theirs.tensors[name].nan_to_num()):
+            one_of, other_of = mine.tensors[name], theirs.tensors[name]
+            if one_of.shape != other_of.shape or not torch.allclose(one_of, other_of, rtol=0, atol=0, equal_nan=True):
                 return name
         for name in mine.values.keys() | theirs.values.keys():
             if mine.values.get(name) != theirs.values.get(name):

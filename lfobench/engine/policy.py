@@ -21,7 +21,9 @@ from lfobench.source_code import code_of
 from lfobench.store.folder import RecordFolder
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
 
-SHIFT, SCALE = "transform.shift", "transform.scale"
+SHIFT, SCALE = "observation transform: shift", "observation transform: scale"
+"""Names that no attribute of a method can have."""
+
 PROBES = 8
 
 

@@ -22,7 +22,7 @@ from lfobench.data.firewall import View
 from lfobench.engine.draws import RunningStep
 from lfobench.engine.precision import products
 from lfobench.engine.sampling import StageSampler
-from lfobench.engine.state import plain_values
+from lfobench.engine.state import live_tensors, plain_values
 from lfobench.plan.precision import Precision
 
 WARM_UP = 3
@@ -119,7 +119,7 @@ class Program:
         self._sums: dict[str, Tensor] = {}
         self._eager_steps: dict[Kind, int] = {}
         self._replays: dict[Kind, Callable[[], None]] = {}
-        self._plain = None if recorder is None else plain_values(method)
+        self._before = None if recorder is None else (plain_values(method), live_tensors(method))
         self._refill: tuple[int, Callable[[], None]] | None = None
         self.replayed = 0
         self.problem: Warning | None = None
@@ -178,15 +178,22 @@ class Program:
             self._recorder = None
             self.problem = Warning(
                 what=f"Stage '{self._stage.name}' ran step by step: an update changes '{changed}' in Python.",
-                remedy="The numbers hold; only time is lost. Keep what changes in tensors.",
+                remedy="The numbers hold; only time is lost. Keep what changes in tensors, and change them in place.",
             )
         if replay := self._recorded(lambda: self._carry_out(kind)):
             self._replays[kind] = replay
 
     def _changed_in_python(self) -> str | None:
-        """The name of a plain value that the eager steps have changed: a replay would leave it as it is."""
-        now, before = plain_values(self._method), self._plain or {}
-        return next((name for name, value in now.items() if name not in before or before[name] != value), None)
+        """The name of a plain value or a tensor that the eager steps have replaced: a replay would not replace it."""
+        plain, tensors = self._before or ({}, {})
+        now = plain_values(self._method)
+        changed = [name for name, value in now.items() if name not in plain or plain[name] != value]
+        changed += [
+            name
+            for name, tensor in live_tensors(self._method).items()
+            if name in tensors and tensors[name].data_ptr() != tensor.data_ptr()
+        ]
+        return changed[0] if changed else None
 
     def _recorded(self, work: Callable[[], None]) -> Callable[[], None] | None:
         if self._recorder is None:

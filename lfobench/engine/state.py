@@ -12,9 +12,16 @@ policy file and an evaluation process need not know which seeds trained together
 from __future__ import annotations
 
 import copy
+import random
+import re
+import weakref
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import FunctionType, MethodType, ModuleType
+from enum import Enum
+from functools import partial
+from pathlib import PurePath
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -28,6 +35,30 @@ CPU = torch.device("cpu")
 PLAIN = (bool, int, float, str, type(None))
 PER_SEED = "*"
 """The place of a seed's index in the name of what a list holds for each seed."""
+
+CONSTANTS = (
+    type,
+    FunctionType,
+    BuiltinFunctionType,
+    MethodType,
+    ModuleType,
+    BaseModel,
+    Enum,
+    PurePath,
+    bytes,
+    complex,
+    frozenset,
+    range,
+    slice,
+    partial,
+    re.Pattern,
+    weakref.ref,
+    torch.device,
+    torch.dtype,
+    torch.layout,
+    torch.memory_format,
+)
+"""Kinds of objects that training does not change."""
 
 # The attributes of torch's own classes that are not state: caches, hooks, and what is walked by another way.
 _OF_MODULES = set(vars(torch.nn.Module())) - {"training"}
@@ -93,7 +124,12 @@ class _Walk:
             self.tensor(name, value)
         elif isinstance(value, PLAIN):
             self.leaves[name] = _Leaf(name, value, put)
-        elif isinstance(value, (type, FunctionType, MethodType, ModuleType, BaseModel, torch.device, torch.dtype)):
+        elif isinstance(value, np.generic):
+            number = type(value)
+            self.leaves[name] = _Leaf(name, value.item(), lambda new: put(number(new)))
+        elif isinstance(value, torch.Generator):
+            self.leaves[name] = _Leaf(name, value.get_state(), _generator_setter(value))
+        elif isinstance(value, CONSTANTS) or (callable(value) and not hasattr(value, "__dict__")):
             return
         elif isinstance(value, (list, tuple)) and all(isinstance(each, PLAIN) for each in value):
             if (kind := type(value)) in (list, tuple):  # a named tuple or a size is a constant
@@ -135,12 +171,18 @@ class _Walk:
         elif isinstance(value, Mapping):
             for key, each in value.items():
                 self.visit(_joined(name, str(key)), each, _setter(value, key))
-        elif isinstance(value, (list, tuple)):
+        elif isinstance(value, (list, tuple, deque)):
             self.lengths[name] = len(value)
             for index, each in enumerate(value):
                 self.visit(_joined(name, str(index)), each, _setter(value, index))
-        elif hasattr(value, "__dict__"):
-            self.attributes(name, value, vars(value))
+        elif isinstance(value, random.Random) or not (hasattr(value, "__dict__") or hasattr(value, "__slots__")):
+            raise StateError(
+                f"'{name}' is a {type(value).__name__}, which the harness cannot save; use a tensor, a number or a list"
+            )
+        else:
+            slots = [each for kind in type(value).__mro__ for each in getattr(kind, "__slots__", ())]
+            held = {each: getattr(value, each) for each in slots if hasattr(value, each)}
+            self.attributes(name, value, {**held, **getattr(value, "__dict__", {})})
 
     def attributes(self, name: str, owner: Any, attributes: Mapping[str, Any]) -> None:
         """Walk an object's attributes."""
@@ -186,8 +228,22 @@ def _setter(container: Any, key: Any) -> Callable[[Any], None]:
     return put
 
 
+def _generator_setter(generator: torch.Generator) -> Callable[[Any], None]:
+    def put(new: Any) -> None:
+        generator.set_state(new)
+
+    return put
+
+
 def _attribute_setter(owner: Any, key: str) -> Callable[[Any], None]:
     return lambda new: setattr(owner, key, new)
+
+
+def held_tensors(method: Method) -> dict[str, Tensor]:
+    """Every tensor that a method holds, whatever a `state` of its own returns."""
+    walk = _Walk()
+    walk.attributes("", method, {name: value for name, value in vars(method).items() if name != "config"})
+    return {name: leaf.value for name, leaf in walk.finish().leaves.items() if isinstance(leaf.value, Tensor)}
 
 
 def _walked(method: Method) -> _Walked:
@@ -224,12 +280,14 @@ class StateLayout:
         tensors: names of tensors, with a `*` for the index in such a list.
         stacked: those whose rows are the seeds'.
         values: names of plain values.
+        infinite: names of tensors that hold numbers that are not finite before training, such as masks.
     """
 
     lists: frozenset[str]
     tensors: frozenset[str] = frozenset()
     stacked: frozenset[str] = frozenset()
     values: frozenset[str] = frozenset()
+    infinite: frozenset[str] = frozenset()
 
     def place(self, name: str) -> tuple[str, int | None]:
         """The name of a leaf with a `*` for a seed's index, and that index; None where it is no seed's own."""
@@ -272,7 +330,9 @@ def state_layout(method: type[Method], config: Any, shapes: Shapes) -> StateLayo
                 "its first axis must be the seeds', or its shape must not depend on them"
             )
         stacked.add(name)
-    return StateLayout(lists, frozenset(tensors), frozenset(stacked), frozenset(single.keys() - tensors.keys()))
+    infinite = frozenset(name for name, leaf in tensors.items() if not torch.isfinite(leaf.value).all())
+    values = frozenset(single.keys() - tensors.keys())
+    return StateLayout(lists, frozenset(tensors), frozenset(stacked), values, infinite)
 
 
 class MethodState:
@@ -285,7 +345,7 @@ class MethodState:
     """
 
     def __init__(self, method: Method, seeds: int, layout: StateLayout) -> None:
-        self._method, self._seeds, self._layout = method, seeds, layout
+        self.method, self._seeds, self._layout = method, seeds, layout
 
     @classmethod
     def of(cls, method: Method, shapes: Shapes, seeds: int) -> MethodState:
@@ -346,24 +406,28 @@ class MethodState:
             raise StateError(f"the method has no '{min(unknown)}'")
 
     def finite(self) -> Tensor:
-        """``[S]``; False for a seed that holds a number that is not finite."""
+        """``[S]``; False for a seed that holds a number that is not finite, and for all if what they share is NaN."""
         flags: list[list[Tensor]] = [[] for _ in range(self._seeds)]
         rows: list[Tensor] = []
         for name, seed, leaf in self._leaves():
             if not isinstance(leaf.value, Tensor) or not leaf.value.is_floating_point():
                 continue
+            if name in self._layout.infinite:
+                continue
             if seed is not None:
                 flags[seed].append(torch.isfinite(leaf.value).all())
             elif self._is_stacked(name):
                 rows.append(torch.isfinite(leaf.value).reshape(self._seeds, -1).all(-1))
+            else:
+                rows.append(~torch.isnan(leaf.value).any().expand(self._seeds))
         own = [torch.stack([flag.cpu() for flag in each]).all() for each in flags if each]
         result = torch.ones(self._seeds, dtype=torch.bool)
         if rows:
-            result &= torch.stack(rows).all(0).cpu()
+            result &= torch.stack([each.cpu() for each in rows]).all(0)
         return result & torch.stack(own) if own else result
 
     def _leaves(self) -> Iterator[tuple[str, int | None, _Leaf]]:
-        for leaf in _walked(self._method).leaves.values():
+        for leaf in _walked(self.method).leaves.values():
             name, seed = self._layout.place(leaf.name)
             known = self._layout.tensors if isinstance(leaf.value, Tensor) else self._layout.values
             if "@" not in name and name not in known:
@@ -401,7 +465,7 @@ class MethodState:
 
     def _materialize(self, states: Sequence[SeedState]) -> None:
         """Let optimisers that have not stepped yet hold what the states hold of them: torch creates it in a step."""
-        for name, optimizer, parameters in _walked(self._method).optimizers:
+        for name, optimizer, parameters in _walked(self.method).optimizers:
             for owner, parameter in parameters:
                 prefix, seed = self._layout.place(f"{owner}@{name}.")
                 held, saved = optimizer.state[parameter], states[seed or 0]

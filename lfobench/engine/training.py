@@ -26,7 +26,7 @@ from lfobench.engine.noting import mark_diverged, note_evaluation, note_further,
 from lfobench.engine.precision import precision_warnings
 from lfobench.engine.program import Program, recorder_for
 from lfobench.engine.sampling import check_tables
-from lfobench.engine.state import CPU, MethodState, StateError
+from lfobench.engine.state import CPU, MethodState
 from lfobench.errors import UserError
 from lfobench.plan.cells import Cell
 
@@ -243,13 +243,8 @@ class Trainer:
             checkpoint.save(path, key, Checkpoint(self.progress.of_seed(index), state, of_seed))
 
     def _resume(self, start: Sequence[Checkpoint]) -> None:
-        """Continue from checkpoints of all seeds; a state that does not fit is as good as none."""
-        fresh = self.state.capture()
-        try:
-            self.state.restore([each.state for each in start])
-        except StateError:
-            self.state.restore(fresh)
-            return
+        """Continue from checkpoints of all seeds, which fit."""
+        self.state.restore([each.state for each in start])
         self.progress = joined([each.progress for each in start])
         names = start[0].sums
         self._resumed_sums = {name: torch.stack([each.sums[name] for each in start]) for name in names}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from helpers_methods import BROKEN, SOUND, Momentum, Reading
+from helpers_methods import BROKEN, SOUND, Momentum, Reading, Replacing
 
 from lfobench.contract.method import Method
 from lfobench.engine.method_check import READS_BACK, SHAPES, Finding, check_method, require_sound
@@ -43,3 +43,6 @@ def test_a_value_that_is_read_back_costs_time_and_is_no_fault() -> None:
     assert broken(list(findings.values())) == []
     assert re.search(r"helpers_methods\.py:\d+", findings[READS_BACK].problem)
     assert not {finding.rule: finding for finding in check_method(Momentum)}[READS_BACK].problem
+    replaced = {finding.rule: finding for finding in check_method(Replacing)}
+    assert broken(list(replaced.values())) == []
+    assert "'weight' is replaced" in replaced[READS_BACK].problem

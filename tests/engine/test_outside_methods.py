@@ -13,10 +13,12 @@ from helpers_engine import SMOKE, StopAfter, cell_of, finish, make_job, records_
 from helpers_methods import SOUND, Adapted, Momentum, Naive
 
 from lfobench.contract.method import Method
+from lfobench.engine import job as engine_job
 from lfobench.engine import policy as policies
 from lfobench.engine.job import Job
 from lfobench.engine.policy import load_policy
 from lfobench.store.folder import RecordFolder
+from lfobench.tensor_files import read_tensors, write_tensors
 
 SEEDS = (0, 4, 2)
 
@@ -57,6 +59,36 @@ def test_no_step_is_trained_twice_when_seeds_are_grouped_otherwise(
     assert [record.status for record in records_of(job)] == ["finished"] * 3
 
 
+def test_a_checkpoint_that_does_not_fit_starts_its_own_seed_afresh(tmp_path: Path, shared_cache: Path) -> None:
+    """The file is whole and of this run, and holds a tensor that the method does not know."""
+    straight = make_job(cell_of(Naive), SEEDS, tmp_path / "straight", shared_cache)
+    finish(straight)
+    job = make_job(cell_of(Naive), SEEDS, tmp_path / "broken", shared_cache)
+    finish(job, StopAfter(13))
+    path = RecordFolder(job.out).checkpoint(job.runs[1])
+    tensors, about = read_tensors(path)
+    write_tensors(path, {**tensors, "zzz": torch.zeros(2)}, about)
+    finish(job)
+    assert measured(job) == measured(straight)
+
+
+class Transforming(Momentum):
+    """Its own tensors are named as the harness would name those of its transform."""
+
+    name = "transforming"
+
+    def __init__(self, config: Any, shapes: Any, seeds: Any, device: torch.device) -> None:
+        super().__init__(config, shapes, seeds, device)
+        self.transform = {"shift": torch.zeros(len(seeds), 1, 1), "scale": torch.ones(len(seeds), 1, 1)}
+
+    def update(self, stage: str, offline: Any, expert: Any, randomness: Any) -> Any:
+        self.transform["shift"] += 0.5 * offline["observation"].mean((1, 2), keepdim=True)
+        return super().update(stage, offline, expert, randomness)
+
+    def act(self, observation: torch.Tensor) -> torch.Tensor:
+        return super().act((observation - self.transform["shift"]) * self.transform["scale"])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [Naive, Adapted])
 def test_evaluation_processes_score_the_trained_network(
@@ -71,7 +103,7 @@ def test_evaluation_processes_score_the_trained_network(
         assert len({tuple(evaluation.returns) for evaluation in record.evaluations}) > 1, "it learns something"
 
 
-@pytest.mark.parametrize("method", SOUND)
+@pytest.mark.parametrize("method", [*SOUND, Transforming])
 def test_the_policy_file_holds_the_trained_weights(
     method: type[Method], tmp_path: Path, shared_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -86,6 +118,15 @@ def test_the_policy_file_holds_the_trained_weights(
         before = untrained.act(torch.from_numpy(observation)[None].expand(3, -1, -1)).numpy()
     assert not any(np.allclose(after, start) for after, start in zip(actions, before, strict=True))
     assert len({tuple(action.ravel()) for action in actions}) == 3
+    alone = replace(job, seeds=(4,), out=tmp_path / "alone")
+    with pytest.MonkeyPatch.context() as patch:
+        kept: list[Any] = []
+        genuine = policies.save_policy
+        patch.setattr(engine_job, "save_policy", lambda *given: (kept.append(given[3].method), genuine(*given)))
+        finish(alone)
+    with torch.no_grad():
+        seen = kept[0].act(torch.from_numpy(observation)[None])[0].numpy()
+    assert np.array_equal(actions[1], seen), "the policy of seed 4, read back, acts as the method did when trained"
 
 
 def test_equal_policies_are_equal_bytes_and_a_changed_one_is_refused(

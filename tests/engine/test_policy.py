@@ -13,7 +13,7 @@ from safetensors import safe_open
 
 from lfobench.contract.method import Shapes
 from lfobench.contract.record import Record
-from lfobench.engine.policy import load_policy
+from lfobench.engine.policy import SCALE, SHIFT, load_policy
 from lfobench.errors import UserError
 from lfobench.registry import method_names
 from lfobench.store.folder import RecordFolder
@@ -46,7 +46,7 @@ def test_what_is_kept_is_what_acting_takes(name: str, tmp_path: Path, shared_cac
     (record,) = records_of(job)
     with safe_open(RecordFolder(tmp_path).policy(record), framework="pt") as file:
         names = set(file.offset_keys())
-    assert len(names - {"transform.shift", "transform.scale"}) <= 2
+    assert len(names - {SHIFT, SCALE}) <= 2
     assert not any(each.startswith(("value", "critic", "discriminator", "inverse")) for each in names)
     assert not any("optimizer" in each for each in names)
     assert np.isfinite(load_policy(RecordFolder(tmp_path), record).act(np.zeros((2, 4), np.float32))).all()
@@ -60,7 +60,7 @@ def test_only_the_tensors_that_actions_depend_on_are_kept(tmp_path: Path, shared
     (record,) = records_of(job)
     with safe_open(RecordFolder(tmp_path).policy(record), framework="pt") as file:
         kept = set(file.offset_keys())
-    shapes = {"transform.shift", "transform.scale"}
+    shapes = {SHIFT, SCALE}
     assert kept - shapes == {"weight", "factor"}
 
 

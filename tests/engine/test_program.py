@@ -263,12 +263,23 @@ class Decaying(Drifting):
         return metrics
 
 
-def test_a_step_that_counts_in_python_is_not_recorded() -> None:
+class Rebinding(Drifting):
+    """Puts a new tensor in the place of its weight at every update."""
+
+    name = "rebinding"
+
+    def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
+        self.weight = self.weight.clone()
+        return super().update(stage, offline, expert, randomness)
+
+
+@pytest.mark.parametrize(("kind", "what"), [(Decaying, "updates"), (Rebinding, "weight")])
+def test_a_step_that_changes_something_in_python_is_not_recorded(kind: type[Drifting], what: str) -> None:
     config = FakeConfig()
-    view = view_for(Decaying.needs(config))
+    view = view_for(kind.needs(config))
     found = []
     for recorder in (None, record):
-        method = Decaying(config, SHAPES, SEEDS, CPU)
+        method = kind(config, SHAPES, SEEDS, CPU)
         program = Program(method, view, Stage("drift", None, 8, 4), Randomness(SEEDS), recorder=recorder)
         for step in range(40):
             program.update(step)
@@ -276,4 +287,4 @@ def test_a_step_that_counts_in_python_is_not_recorded() -> None:
     assert same(found[0][0], found[1][0])
     assert found[1][1].replayed == 0
     assert found[1][1].problem is not None
-    assert "'updates' in Python" in found[1][1].problem.what
+    assert f"'{what}' in Python" in found[1][1].problem.what

@@ -362,7 +362,7 @@ def test_thirty_updates_agree_with_the_reference(preset: str, overrides: dict[st
         compared = [
             ("value", VALUE, 2 * seed + head, parameters) for head, parameters in enumerate(reference.heads)
         ] + [("target", VALUE, 2 * seed + head, parameters) for head, parameters in enumerate(reference.targets)]
-        compared.append(("policy", POLICY, seed, reference.policy))
+        compared.append(("policy.network", POLICY, seed, reference.policy))
         for name, sizes, row, expected in compared:
             measured = ref.flatten(parameters_of(dilo, name, sizes, row))
             wanted = ref.flatten(expected)
