@@ -24,6 +24,7 @@ TEMPORARY_SUFFIX = ".lfobench-partial"
 LEFTOVER_DAYS = 7.0
 """After so many days without a byte, a temporary file is nobody's, whoever began it."""
 POLL_SECONDS = 0.1
+LOOK_SECONDS = 0.001
 
 _HELD = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES}
 _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EINVAL}
@@ -119,7 +120,7 @@ def remove_leftovers(folder: Path) -> None:
     Those of this place whose process is gone, and those of any place that are older than `LEFTOVER_DAYS`.
     """
     for leftover in folder.rglob(f"*{TEMPORARY_SUFFIX}"):
-        with suppress(FileNotFoundError):
+        with suppress(OSError):  # gone meanwhile, or another user's
             writer = re.fullmatch(rf"\.{_place()}-([0-9]+)-.*", leftover.name)
             gone = writer is not None and not _alive(int(writer[1]))
             if gone or time.time() - leftover.stat().st_mtime > LEFTOVER_DAYS * 86_400.0:
@@ -187,8 +188,8 @@ def locked(path: Path, option: str, wait: bool = False) -> Iterator[None]:
 
     Raises:
         Held: another process does, unless that is waited for.
-        UserError: the file system has no locks.
-        OSError: the file cannot be made.
+        UserError: the file cannot be opened, as another user's, or its file system has no locks.
+        FileNotFoundError: there is no folder for it.
     """
     while (descriptor := _lock(path, option)) is None:
         if not wait:
@@ -202,24 +203,66 @@ def locked(path: Path, option: str, wait: bool = False) -> Iterator[None]:
         os.close(descriptor)
 
 
+def is_held(path: Path, option: str) -> bool:
+    """Whether a process holds the lock `path`; to whoever takes it at the same moment, this is not seen.
+
+    Raises:
+        UserError: as `locked`.
+    """
+    try:
+        descriptor = _open_lock(path, os.O_RDWR, option)
+    except FileNotFoundError:
+        return False
+    try:
+        return not _flock(descriptor, fcntl.LOCK_SH, path, option)
+    finally:
+        os.close(descriptor)
+
+
 def _lock(path: Path, option: str) -> int | None:
     """The descriptor of a lock that was free; None where it is held."""
     while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NONBLOCK, 0o666)
+        descriptor, ours = _open_lock(path, os.O_RDWR | os.O_CREAT, option), False
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            with suppress(FileNotFoundError):
-                if os.path.samestat(os.fstat(descriptor), path.stat()):
+            if _flock(descriptor, fcntl.LOCK_EX, path, option):
+                # Whoever held it may have deleted it between our opening and our locking it.
+                with suppress(FileNotFoundError):
+                    ours = os.path.samestat(os.fstat(descriptor), path.stat())
+                if ours:
                     return descriptor
-        except OSError as error:
-            os.close(descriptor)
-            if error.errno in _HELD:
+            elif _flock(descriptor, fcntl.LOCK_SH, path, option):
+                time.sleep(LOOK_SECONDS)  # shared by others: they only look at it, see `is_held`
+            else:
                 return None
-            if error.errno in _NO_LOCKS:
-                raise UserError(
-                    f"The file system of {path.parent} has no file locks ({error.strerror}), so that two commands "
-                    "could do the same work.",
-                    f"Choose a folder on a local disk with {option}, and copy the results afterwards.",
-                ) from error
-            raise
-        os.close(descriptor)  # deleted by whoever held it, between our opening and our locking it
+        finally:
+            if not ours:
+                os.close(descriptor)
+
+
+def _open_lock(path: Path, how: int, option: str) -> int:
+    try:
+        return os.open(path, how | os.O_NONBLOCK, 0o666)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise UserError(
+            f"Cannot open the lock {path}: {error.strerror}.",
+            f"Let its owner delete or share it, or choose another folder with {option}.",
+        ) from error
+
+
+def _flock(descriptor: int, how: int, path: Path, option: str) -> bool:
+    """Whether the system gave a lock at once."""
+    try:
+        fcntl.flock(descriptor, how | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno in _HELD:
+            return False
+        if error.errno in _NO_LOCKS:
+            raise UserError(
+                f"The file system of {path.parent} has no file locks ({error.strerror}), so that two commands "
+                "could do the same work.",
+                f"Choose a folder on a local disk with {option}, and copy the results afterwards.",
+            ) from error
+        raise
+    return True

@@ -25,7 +25,7 @@ from lfobench.contract.method import (
 from lfobench.contract.randomness import StepRandomness
 from lfobench.contract.record import Record
 from lfobench.data.build import build, missing_shards
-from lfobench.engine.job import Advance, Job, Recorded, carry_out
+from lfobench.engine.job import Advance, Job, Left, Recorded, carry_out
 from lfobench.engine.sampling import StageSampler
 from lfobench.files import locked
 from lfobench.plan.cells import Cell
@@ -85,7 +85,7 @@ def make_job(cell: Cell, seeds: Sequence[int], out: Path, cache: Path) -> Job:
     return Job(cell, tuple(seeds), out, cache, "cpu")
 
 
-def finish(job: Job, stop: Callable[[], bool] = never) -> list[Advance | Recorded]:
+def finish(job: Job, stop: Callable[[], bool] = never) -> list[Advance | Recorded | Left]:
     """Carry out a job and return what it reported."""
     return list(carry_out(job, stop))
 

@@ -17,7 +17,16 @@ import pytest
 
 from lfobench import files
 from lfobench.errors import UserError
-from lfobench.files import LEFTOVER_DAYS, TEMPORARY_SUFFIX, Held, locked, read_within, remove_leftovers, replacing
+from lfobench.files import (
+    LEFTOVER_DAYS,
+    TEMPORARY_SUFFIX,
+    Held,
+    is_held,
+    locked,
+    read_within,
+    remove_leftovers,
+    replacing,
+)
 
 DAY = 86_400.0
 
@@ -194,3 +203,50 @@ def test_a_file_system_without_locks_is_named(code: int, tmp_path: Path, monkeyp
         pytest.fail("not held")
     assert str(tmp_path) in caught.value.problem
     assert "--out" in caught.value.remedy
+
+
+def test_a_look_at_a_lock_takes_it_from_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever wants the lock while others look waits for them, and does not take them for its holder."""
+    lock = tmp_path / "lock"
+    assert not is_held(lock, "--out")
+    assert list(tmp_path.iterdir()) == []
+    lock.touch()
+    looking, waits = os.open(lock, os.O_RDWR), []
+    fcntl.flock(looking, fcntl.LOCK_SH)
+
+    def ends(seconds: float) -> None:
+        waits.append(seconds)
+        os.close(looking)
+
+    monkeypatch.setattr(time, "sleep", ends)
+    assert not is_held(lock, "--out"), "two may look at once"
+    with locked(lock, "--out"):
+        assert len(waits) == 1
+        assert is_held(lock, "--out")
+    assert not is_held(lock, "--out")
+
+
+def test_a_lock_of_another_user_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any) -> int:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(UserError, match="Permission denied") as caught, locked(tmp_path / "a.lock", "--out", wait=True):
+        pytest.fail("not held")
+    assert str(tmp_path / "a.lock") in caught.value.problem
+    with pytest.raises(UserError, match=r"a\.lock"):
+        is_held(tmp_path / "a.lock", "--out")
+
+
+def test_leftovers_that_may_not_be_deleted_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    leftovers = [written_by(dead_process(), tmp_path, monkeypatch) for _ in range(2)]
+    genuine = Path.unlink
+
+    def unlink(path: Path, missing_ok: bool = False) -> None:
+        if path == leftovers[0]:
+            raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+        genuine(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", unlink)
+    remove_leftovers(tmp_path)
+    assert temporary_files(tmp_path) == leftovers[:1]

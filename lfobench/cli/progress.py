@@ -178,7 +178,7 @@ class Terminal(Watcher):
                     if not self._quiet:
                         errors.print(f"{one_line(what.run)}: {score_words(what.score)}{mark}")
                     self.warn(what.warnings)
-                elif line := lines.pop(event.index, None):
+                elif isinstance(what, Ended) and (line := lines.pop(event.index, None)):
                     line.remove()
                 yield event
                 shown.tick()

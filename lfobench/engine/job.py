@@ -71,11 +71,18 @@ class Recorded:
     warnings: Sequence[Warning]
 
 
+@dataclass(frozen=True)
+class Left:
+    """Seeds of a job that another process is training; the first thing that is reported of it."""
+
+    seeds: tuple[int, ...]
+
+
 class Busy(Exception):
     """Another process is training a run of this job."""
 
 
-def carry_out(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
+def carry_out(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded | Left]:
     """Train a job and write its records; ends early, with checkpoints, when `stop` says so.
 
     Seeds that another process is training are left to it; the others train together, or in groups where their
@@ -89,10 +96,13 @@ def carry_out(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded
     writable_folder(folder.checkpoints, "--out")
     with ExitStack() as held:
         free = [run for run in job.runs if _taken(folder, run, held)]
+        taken = {run.seed for run in free}
+        if left := tuple(seed for seed in job.seeds if seed not in taken):
+            yield Left(left)
         pending = [run for run in free if not folder.find(run)]
         if pending:
             yield from _train(job, pending, folder, stop)
-    if len(free) < len(job.runs):
+    if left:
         raise Busy
 
 

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from lfobench.engine.job import Busy, Job, Recorded
+from lfobench.engine.job import Busy, Job, Left, Recorded
 from lfobench.engine.training import Advance
 from lfobench.errors import UserError, own_lines
 
 Outcome = Literal["done", "stopped", "busy", "failed"]
-CarryOut = Callable[[Job, Callable[[], bool]], Iterator[Advance | Recorded]]
+CarryOut = Callable[[Job, Callable[[], bool]], Iterator[Advance | Recorded | Left]]
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Event:
     """Something that happened to the job at `index` of the submitted list."""
 
     index: int
-    what: Advance | Recorded | Ended
+    what: Advance | Recorded | Left | Ended
 
 
-def attempt(job: Job, carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator[Advance | Recorded | Ended]:
+def attempt(job: Job, carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator[Advance | Recorded | Left | Ended]:
     """Carry out a job and turn whatever ends it into an `Ended`, so that other jobs go on."""
     try:
         yield from carry_out(job, stop)

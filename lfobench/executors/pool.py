@@ -35,9 +35,14 @@ class _Worker:
         far_end.close()
         self.index: int | None = None
 
-    def give(self, index: int, job: Job) -> None:
+    def give(self, index: int, job: Job) -> bool:
+        """Whether the process took a job; one that died between two jobs does not."""
+        try:
+            self.pipe.send(job)
+        except OSError:
+            return False
         self.index = index
-        self.pipe.send(job)
+        return True
 
 
 def execute(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
@@ -57,11 +62,15 @@ def execute(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: Callab
                 waiting.clear()
             for position, worker in enumerate(pool):
                 if worker.index is None and waiting:
-                    if not worker.process.is_alive():
-                        pool[position] = worker = _Worker(context, carry_out, flag)
-                    worker.give(*waiting.popleft())
+                    index, job = waiting.popleft()
+                    if worker.process.is_alive() and worker.give(index, job):
+                        continue
+                    _end([worker])
+                    pool[position] = worker = _Worker(context, carry_out, flag)
+                    if not worker.give(index, job):
+                        yield Event(index, _died(worker))
             busy = {worker.pipe: worker for worker in pool if worker.index is not None}
-            if not busy:
+            if not (busy or waiting):
                 return
             for ready in wait(list(busy), timeout=POLL_SECONDS):
                 yield from _receive(busy[ready])  # type: ignore[index]
@@ -90,11 +99,15 @@ def _receive(worker: _Worker) -> Iterator[Event]:
     try:
         what = worker.pipe.recv()
     except (EOFError, OSError):
-        worker.process.join(timeout=5.0)
-        what = Ended("failed", f"its worker process died (exit code {worker.process.exitcode})")
+        what = _died(worker)
     if isinstance(what, Ended):
         worker.index = None
     yield Event(index, what)
+
+
+def _died(worker: _Worker) -> Ended:
+    worker.process.join(timeout=LEAVING_SECONDS)
+    return Ended("failed", f"its worker process died (exit code {worker.process.exitcode})")
 
 
 def _work(pipe: Connection, carry_out: CarryOut, flag: StopFlag) -> None:

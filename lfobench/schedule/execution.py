@@ -20,12 +20,13 @@ from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
 from lfobench.data.remarks import check_parts, remarks
 from lfobench.data.source import load_task
-from lfobench.engine.job import Job, Recorded, carry_out
+from lfobench.engine.job import Job, Left, Recorded, carry_out
 from lfobench.engine.method_check import require_sound
+from lfobench.errors import UserError
 from lfobench.executors import lanes, local, pool
 from lfobench.executors.events import Ended, Event
-from lfobench.files import Held, locked, remove_leftovers, writable_folder
-from lfobench.plan.cells import Cell, Run
+from lfobench.files import Held, is_held, locked, remove_leftovers, writable_folder
+from lfobench.plan.cells import Cell
 from lfobench.plan.parts import build_command
 from lfobench.plan.sources import check_here, spelled
 from lfobench.schedule.agenda import Agenda, Forecast
@@ -266,15 +267,16 @@ def _train(
     watcher: Watcher,
     tally: Tally,
 ) -> list[Job]:
-    """Carry out the agenda's jobs; returns those of which another process has runs."""
-    work, busy = agenda.jobs, []
-    for event in watcher.training(agenda, expected, _events(work, agenda.workers, stop)):
-        job, what = work[event.index], event.what
-        if isinstance(what, Ended) and what.outcome == "failed":
+    """Carry out the agenda's jobs; returns what of them another process has."""
+    own, busy = list(agenda.jobs), []
+    for event in watcher.training(agenda, expected, _events(agenda.jobs, agenda.workers, stop)):
+        job, what = own[event.index], event.what
+        if isinstance(what, Left):
+            busy.append(replace(job, seeds=what.seeds))
+            own[event.index] = replace(job, seeds=tuple(seed for seed in job.seeds if seed not in what.seeds))
+        elif isinstance(what, Ended) and what.outcome == "failed":
             tally.failed += 1
-            watcher.failed(job, what, _kept(folder, job, what))
-        elif isinstance(what, Ended) and what.outcome == "busy":
-            busy.append(job)
+            watcher.failed(job, what, list(_kept(folder, job, what, watcher)))
     return busy
 
 
@@ -295,7 +297,7 @@ def _follow(
     while (waiting := _unfinished(busy, folder)) and not stop():
         if (runs := sum(len(job.seeds) for job in waiting)) != told:
             watcher.waiting(told := runs)
-        parts = [(job, [seed for seed in job.seeds if _free(folder, Run(job.cell, seed))]) for job in waiting]
+        parts = [(job, [run.seed for run in job.runs if not is_held(folder.lock(run), "--out")]) for job in waiting]
         # Looked for once more: a run that is free may have been finished a moment ago.
         released = _unfinished([replace(job, seeds=tuple(free)) for job, free in parts if free], folder)
         if not released:
@@ -320,15 +322,6 @@ def _unfinished(jobs: Sequence[Job], folder: RecordFolder) -> list[Job]:
     return [replace(job, seeds=seeds) for job, seeds in parts if seeds]
 
 
-def _free(folder: RecordFolder, run: Run) -> bool:
-    """Whether no process is training a run."""
-    try:
-        with locked(folder.lock(run), "--out"):
-            return True
-    except Held:
-        return False
-
-
 def _events(work: Sequence[Job], workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
     if work and work[0].device == "cuda":
         return lanes.execute(work, carry_out, workers, stop)
@@ -337,9 +330,12 @@ def _events(work: Sequence[Job], workers: int, stop: Callable[[], bool]) -> Iter
     return pool.execute(work, carry_out, workers, stop)
 
 
-def _kept(folder: RecordFolder, job: Job, ended: Ended) -> list[Path]:
-    """Where it is kept that a job failed, for every run of it that has left no record."""
-    if ended.outcome != "failed":
-        return []
-    crashed = [run for run in job.runs if not folder.find(run)]
-    return [write_failure(folder, run, ended.message, ended.detail, ended.place) for run in crashed]
+def _kept(folder: RecordFolder, job: Job, ended: Ended, watcher: Watcher) -> Iterator[Path]:
+    """Where it is kept that a job failed, for every run of it that has left no record; warns where it cannot be."""
+    for run in job.runs:
+        if not folder.find(run):
+            try:
+                yield write_failure(folder, run, ended.message, ended.detail, ended.place)
+            except UserError as error:
+                what = f"{run.label} failed, of which nothing is kept: {error.problem}"
+                watcher.warn([Warning(what=what, remedy=error.remedy)])

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers_engine import (
@@ -185,3 +186,32 @@ def test_a_method_that_exits_ends_its_own_job_only(workers: int | None, tmp_path
     events = list(local.execute(jobs, leave, never) if workers is None else pool.execute(jobs, leave, workers, never))
     assert outcomes(events) == {0: "failed", 1: "done"}
     assert "enough" in endings(events)[0].message
+
+
+def report(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
+    yield Advance("reporting", 1, 1, None)
+
+
+@pytest.mark.parametrize(("dead", "outcome"), [({1}, "done"), ({1, 2}, "failed")])
+def test_a_worker_that_dies_between_two_jobs_is_replaced_once(
+    dead: set[int], outcome: str, tmp_path: Path, shared_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It seems alive when it is looked at, and its pipe is broken when it is given a job."""
+    made: list[pool._Worker] = []
+
+    class Worker(pool._Worker):
+        def __init__(self, *given: Any) -> None:
+            super().__init__(*given)
+            made.append(self)
+            if len(made) in dead:
+                self.process.kill()
+                self.process.join()
+                monkeypatch.setattr(self.process, "is_alive", lambda: True)
+
+    monkeypatch.setattr(pool, "_Worker", Worker)
+    jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1)]
+    events = list(pool.execute(jobs, report, 1, never))
+    assert outcomes(events) == {0: outcome, 1: "done"}
+    assert len(made) == len(dead) + 1
+    if outcome == "failed":
+        assert "worker process died" in endings(events)[0].message

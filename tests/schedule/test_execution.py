@@ -6,16 +6,20 @@ import errno
 import fcntl
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from helpers_engine import POLE_TASK, TINY, finish, make_job
 
+from lfobench.contract.record import Warning
+from lfobench.engine import job as engine_job
+from lfobench.engine.job import Job
 from lfobench.errors import UserError
-from lfobench.executors.events import Event
+from lfobench.executors.events import Ended, Event
 from lfobench.files import locked
 from lfobench.plan.cells import Run
 from lfobench.plan.planning import Request, make_plan
@@ -162,3 +166,55 @@ def test_a_file_system_without_locks_is_named_before_anything_trains(
     with pytest.raises(UserError, match=r"has no file locks .*--out"):
         carry_out(agenda, witness)
     assert witness.trained == []
+
+
+class Losses(Witness):
+    """Remembers the crashes, and the warnings."""
+
+    def __init__(self, then: Callable[[], None] = lambda: None) -> None:
+        super().__init__(then)
+        self.kept: list[Path] = []
+        self.warned: list[Warning] = []
+
+    def failed(self, job: Job, ended: Ended, kept: Sequence[Path]) -> None:
+        self.kept += kept
+
+    def warn(self, warnings: Iterable[Warning]) -> None:
+        self.warned += warnings
+
+
+def crash(*_: Any) -> Iterator[Any]:
+    raise RuntimeError("a bug in somebody's method")
+    yield
+
+
+def test_a_crash_is_not_that_of_seeds_which_another_process_trains(
+    agenda: Agenda, other: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All seeds in one job, as on a GPU: two crash, one is waited for."""
+    job, folder = replace(agenda.jobs[0], seeds=(0, 1, 2)), RecordFolder(agenda.jobs[0].out)
+
+    def finishes() -> None:
+        monkeypatch.undo()
+        other.close()
+        finish(agenda.jobs[1])
+
+    monkeypatch.setattr(engine_job, "_train", crash)
+    losses = Losses(finishes)
+    assert carry_out(replace(agenda, jobs=[job]), losses) == Tally(failed=1)
+    assert losses.waited == [1]
+    assert losses.kept == [folder.failure(job.runs[seed]) for seed in (0, 2)]
+    assert done(agenda) == [1]
+    assert not folder.failure(job.runs[1]).exists()
+
+
+def test_a_crash_that_a_full_disk_does_not_keep_is_a_warning(agenda: Agenda, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> Path:
+        raise UserError("Cannot write x.failure: No space left on device.", "Free space.")
+
+    monkeypatch.setattr(engine_job, "_train", crash)
+    monkeypatch.setattr(execution, "write_failure", full)
+    losses = Losses()
+    assert carry_out(agenda, losses) == Tally(failed=3)
+    assert losses.kept == []
+    assert [warning.remedy for warning in losses.warned if "No space left" in warning.what] == ["Free space."] * 3

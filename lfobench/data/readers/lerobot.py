@@ -30,8 +30,8 @@ MOST_INFO = 2**22
 TABLES = "data/*/*.parquet"
 OBSERVATION, STATE, ACTION, REWARD, DONE = "observation.", "observation.state", "action", "next.reward", "next.done"
 EPISODE, FRAME = "episode_index", "frame_index"
-BATCH = 65_536
-"""Frames that are unpacked at once."""
+BATCH = 2**20
+"""Numbers that are unpacked at once, or one row where that has more."""
 
 
 def is_lerobot(folder: Path) -> bool:
@@ -181,13 +181,23 @@ class _Table:
                 if name not in self.there:
                     raise missing(f"{self._name}/{name}", self.there, choose if name in keys else another)
             wanted = [*keys, ACTION, EPISODE, FRAME, *(name for name in (REWARD, DONE) if name in self.there)]
+            for name in wanted:
+                _check_kind(file.schema_arrow.field(name).type, f"{self._name}/{name}")
             rows, size = file.metadata.num_rows, path.stat().st_size
-            if 4 * rows * len(wanted) > MOST_INFLATION * size:
-                raise FileProblem(f"'{self._name}' declares {counted(rows, 'row')} and has {size:,} bytes", AGAIN)
+            numbers, unpacked = _numbers(file, wanted), 0
+            if 4 * numbers > MOST_INFLATION * size:
+                raise FileProblem(
+                    f"'{self._name}' declares {counted(rows, 'row')} of {numbers:,} numbers and has {size:,} bytes",
+                    AGAIN,
+                )
             if not rows:
                 raise FileProblem(f"'{self._name}' has no row", OTHER)
             parts: dict[str, list[NDArray[Any]]] = {name: [] for name in wanted}
-            for batch in file.iter_batches(BATCH, columns=wanted):
+            for batch in file.iter_batches(max(1, BATCH * rows // numbers), columns=wanted):
+                if (unpacked := unpacked + batch.nbytes) > MOST_INFLATION * size:
+                    raise FileProblem(
+                        f"'{self._name}' unpacks to more than {MOST_INFLATION:,} times its {size:,} bytes", AGAIN
+                    )
                 for name in wanted:
                     parts[name].append(_vectors(batch.column(name), f"{self._name}/{name}"))
             self.columns = {name: _end_to_end(values) for name, values in parts.items()}
@@ -200,20 +210,44 @@ class _Table:
         return Held(f"{self._name}/{name}", self.columns[name])
 
 
+def _numbers(file: Any, wanted: Sequence[str]) -> int:
+    """Numbers that a file declares in its columns: by their type, and by what was written of them."""
+    rows = file.metadata.num_rows
+    kinds = [file.schema_arrow.field(name).type for name in wanted]
+    typed = sum(rows * getattr(kind, "list_size", 1) for kind in kinds)
+    groups = [file.metadata.row_group(index) for index in range(file.metadata.num_row_groups)]
+    chunks = [group.column(index) for group in groups for index in range(group.num_columns)]
+    below = tuple(f"{name}." for name in wanted)  # as "action.list.element"
+    stored = [
+        chunk.num_values for chunk in chunks if chunk.path_in_schema in wanted or chunk.path_in_schema.startswith(below)
+    ]
+    return int(max(typed, sum(stored)))
+
+
+def _is_list(kind: Any) -> bool:
+    from pyarrow import types
+
+    return bool(types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind))
+
+
+def _check_kind(kind: Any, field: str) -> None:
+    """Refuses a column of something else than numbers or lists of them, before any of it is read."""
+    from pyarrow import types
+
+    plain = kind.value_type if _is_list(kind) else kind
+    if not (types.is_floating(plain) or types.is_integer(plain) or types.is_boolean(plain)):
+        raise FileProblem(f"field '{field}' holds {shown(str(kind))}, not plain numbers", OTHER)
+
+
 def _vectors(column: Any, field: str) -> NDArray[Any]:
     """Rows of a column of numbers, or of lists of them ``[n, width]``.
 
     Raises:
-        FileProblem: it is of something else, or not all of a row is there.
+        FileProblem: not all of a row is there.
     """
-    import pyarrow
     import pyarrow.compute as compute
 
-    types, kind = pyarrow.types, column.type
-    listed = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
-    plain = kind.value_type if listed else kind
-    if not (types.is_floating(plain) or types.is_integer(plain) or types.is_boolean(plain)):
-        raise FileProblem(f"field '{field}' holds {shown(str(kind))}, not plain numbers", OTHER)
+    listed = _is_list(column.type)
     numbers = column.flatten() if listed else column
     if column.null_count or numbers.null_count:
         raise FileProblem(f"field '{field}' has a row without a value", OTHER)

@@ -175,6 +175,26 @@ def test_rows_out_of_proportion(folder: Path) -> None:
         read(folder)
 
 
+@pytest.mark.parametrize("fixed", [True, False])
+def test_lists_out_of_proportion(fixed: bool, folder: Path) -> None:
+    """The width of rows counts: few of them, of very many zeros."""
+    rows, width = 11, 1_000_000
+    zeros = pyarrow.array(np.zeros(rows * width, np.float32))
+    offsets = pyarrow.array(np.arange(rows + 1, dtype=np.int32) * width)
+    wide = (
+        pyarrow.FixedSizeListArray.from_arrays(zeros, width) if fixed else pyarrow.ListArray.from_arrays(offsets, zeros)
+    )
+    change(table_of(folder), "action", wide)
+    with pytest.raises(FileProblem, match=r"declares 11 rows of 11,000,0\d\d numbers"):
+        read(folder)
+
+
+def test_rows_of_a_fixed_width_are_read(folder: Path) -> None:
+    actions = pyarrow.FixedSizeListArray.from_arrays(pyarrow.array(FIRST.actions.ravel()), FIRST.actions.shape[1])
+    change(table_of(folder), "action", actions)
+    np.testing.assert_array_equal(read(folder).episodes.actions[:11], FIRST.actions)
+
+
 def test_without_pyarrow_the_extra_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("pyarrow", "pyarrow.parquet"):
         monkeypatch.setitem(sys.modules, name, None)
