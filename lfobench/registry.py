@@ -14,7 +14,7 @@ from __future__ import annotations
 import inspect
 import re
 import sys
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -143,12 +143,15 @@ def checked_method(method: object, where: str, registered: str | None = None) ->
         raise UserError(
             f"Method {where} is not a lfobench Method class.", "Derive it from lfobench.contract.method.Method."
         )
-    if faults := list(_faults(method, registered)):
+    faults = declaration_faults(method)
+    if registered is not None and isinstance(getattr(method, "name", None), str) and method.name != registered:
+        faults.append(f"it calls itself '{method.name}'")
+    if faults:
         raise UserError(f"Method {where} cannot be used: {'; '.join(faults)}.", "Mend the class.")
     return method
 
 
-def _faults(method: type[Method], registered: str | None) -> list[str]:
+def declaration_faults(method: type[Method]) -> list[str]:
     """What is wrong with the declarations of a method, in words."""
     faults = []
     if missing := sorted(method.__abstractmethods__):
@@ -158,25 +161,69 @@ def _faults(method: type[Method], registered: str | None) -> list[str]:
         faults.append("it has no name")
     elif not isinstance(name, str) or not re.fullmatch(NAME, name):
         faults.append(f"its name is {name!r}; letters, digits, '_', '+' and '-' make a name")
-    elif registered not in (None, name):
-        faults.append(f"it calls itself '{name}'")
     if not isinstance(method.version, int) or isinstance(method.version, bool):
         faults.append(f"its version is {method.version!r}, not a whole number")
+    sees_actions: object = method.access_to_expert_actions
+    if not isinstance(sees_actions, bool):
+        faults.append("its access_to_expert_actions is neither True nor False")
     config: object = getattr(method, "Config", None)
     if not (isinstance(config, type) and issubclass(config, MethodConfig)):
         return [*faults, "it has no Config" if config is None else "its Config is not a MethodConfig"]
-    for field in method.stated:
-        if field not in config.model_fields:
-            faults.append(f"it states '{field}', which its Config lacks")
-    for kind, named in (("preset", method.presets), ("budget", method.budgets)):
-        for which, fields in named.items():
+    if not _is_texts(method.stated):
+        faults.append("its stated is not a tuple of names of fields")
+    else:
+        unknown = [field for field in method.stated if field not in config.model_fields]
+        faults += [f"it states '{field}', which its Config lacks" for field in unknown]
+    if not _is_named(
+        method.grids, lambda values: isinstance(values, Sequence) and not isinstance(values, (str, bytes))
+    ):
+        faults.append("its grids are not a mapping of fields to tuples of values")
+    tables = {"presets": method.presets, "budgets": method.budgets}
+    wrong = [kind for kind, table in tables.items() if not _is_named(table, _is_named)]
+    faults += [f"its {kind} are not a mapping of names to mappings of fields" for kind in wrong]
+    return faults if wrong else faults + _unfit(config, method.presets, method.budgets)
+
+
+def _unfit(
+    config: type[MethodConfig], presets: Mapping[str, Mapping[str, Any]], budgets: Mapping[str, Mapping[str, Any]]
+) -> list[str]:
+    """Presets and budgets that make no configuration, alone or else together."""
+    alone = {
+        **{f"its preset '{preset}'": fields for preset, fields in presets.items()},
+        **{f"its budget '{budget}'": fields for budget, fields in budgets.items()},
+    }
+    together = {
+        f"its preset '{preset}' under its budget '{budget}'": {**fields, **changed}
+        for preset, fields in presets.items()
+        for budget, changed in budgets.items()
+    }
+    for group in (alone, together):
+        faults = []
+        for which, fields in group.items():
             try:
                 config.model_validate(dict(fields))
             except ValidationError as error:
                 first = error.errors()[0]
                 place = ".".join(map(str, first["loc"]))
-                faults.append(f"its {kind} '{which}' does not fit its Config ({place}: {first['msg'].lower()})")
-    return faults
+                faults.append(f"{which} does not fit its Config ({place}: {first['msg'].lower()})")
+            except Exception as error:  # a validator of the Config is somebody else's code
+                faults.append(f"{which} does not fit its Config ({cause(error)})")
+        if faults:
+            return faults
+    return []
+
+
+def _is_texts(value: object) -> bool:
+    return (
+        isinstance(value, Collection)
+        and not isinstance(value, (str, bytes))
+        and all(isinstance(one, str) for one in value)
+    )
+
+
+def _is_named(value: object, holds: Callable[[Any], bool] = lambda _: True) -> bool:
+    """Whether a value is a mapping from names to what `holds` accepts."""
+    return isinstance(value, Mapping) and all(isinstance(name, str) and holds(one) for name, one in value.items())
 
 
 def _in_file(path: Path, name: str | None) -> object:

@@ -108,6 +108,27 @@ BROKEN = {
         method_source("demanding", "Demanding").replace("Field(1.0,", "Field("),
         ("'demanding'", "its preset 'released' does not fit its Config (beta: field required)"),
     ),
+    **{
+        kind: (method_source(kind, kind.title()) + f"\n    {declared}\n", (f"'{kind}'", words))
+        for kind, declared, words in (
+            ("presetless", 'presets = {"released": None}', "its presets are not a mapping of names"),
+            ("listed", 'presets = ["released"]', "its presets are not a mapping of names"),
+            ("budgeted", 'budgets = {"smoke": 3}', "its budgets are not a mapping of names"),
+            ("clashing", 'budgets = {"smoke": {"beta": "much"}}', "its budget 'smoke' does not fit its Config (beta"),
+            ("unstated", "stated = None", "its stated is not a tuple of names"),
+            ("spelled", 'stated = "beta"', "its stated is not a tuple of names"),
+            ("gridded", 'grids = {"beta": 0.1}', "its grids are not a mapping of fields"),
+            ("texted", 'grids = {"beta": "0.1"}', "its grids are not a mapping of fields"),
+            ("seeing", "access_to_expert_actions = None", "access_to_expert_actions is neither"),
+        )
+    },
+    "raising": (
+        method_source("raising", "Raising").replace(
+            "\n\nclass Raising",
+            "\n    def model_post_init(self, context):\n        raise TypeError('no beta')\n\n\nclass Raising",
+        ),
+        ("'raising'", "its preset 'released' does not fit its Config", "no beta"),
+    ),
     "strange": ("Strange = 3", ("'strange'", "is not a lfobench Method class")),
     "absent": ("import no_such_module", ("'absent'", "ModuleNotFoundError", "no_such_module", "absent.py, line 1")),
     "leaving": ("raise SystemExit(3)", ("'leaving'", "SystemExit: 3", "leaving.py, line 1")),
@@ -147,7 +168,12 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 @pytest.mark.parametrize("name", BROKEN)
 def test_asking_for_a_broken_method_is_one_line(name: str, broken: Path, lfobench_command: InProcess) -> None:
     _, words = BROKEN[name]
-    for command in (("show", name), ("run", "--methods", f"bc,{name}", "--dry-run", "--protocol", "smoke")):
+    for command in (
+        ("show", name),
+        ("check", name),
+        ("tune", "--methods", name, "--grid", f"{name}.beta=1,2"),
+        ("run", "--methods", f"bc,{name}", "--dry-run", "--protocol", "smoke"),
+    ):
         assert_refused(lfobench_command(*command), *words)
 
 

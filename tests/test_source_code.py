@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -13,7 +14,6 @@ import pytest
 from helpers_engine import Drifting, smoke_cell
 from helpers_plugins import forget_registrations, install, method_source, use
 
-from lfobench.contract.method import Method
 from lfobench.errors import UserError
 from lfobench.plan.cells import Run
 from lfobench.plan.planning import Request, make_plan
@@ -153,6 +153,19 @@ def test_a_class_whose_file_was_edited_after_its_import_is_refused(tmp_path: Pat
         del sys.modules["stale_module"]
 
 
+def test_code_that_an_import_hook_rewrites_is_not_an_edit(tmp_path: Path) -> None:
+    """As under pytest, which compiles other assertions than those in the file."""
+    source = method_source() + "\n    def check(self):\n        assert self.mean is not None\n"
+    (tmp_path / "test_rewritten.py").write_text(
+        f"from lfobench.source_code import code_of\n{source}\n\ndef test_it():\n    print(set(code_of(Mine)))\n",
+        encoding="utf-8",
+    )
+    command = [sys.executable, "-m", "pytest", "-q", "-s", "-p", "no:cacheprovider", "test_rewritten.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    assert "{'test_rewritten.py'}" in done.stdout
+
+
 def test_nothing_trains_as_what_was_planned_once_its_files_are_others(folder: Path) -> None:
     method = load_method(str(folder / "mine.py"))
     check_unchanged(method, code_of(method))
@@ -163,8 +176,8 @@ def test_nothing_trains_as_what_was_planned_once_its_files_are_others(folder: Pa
 # --- classes that were typed into a session --------------------------------------------------------------------------
 
 
-def typed(source: str) -> type[Method]:
-    """A method as a notebook has it: of the main program, in no file."""
+def typed(source: str, folder: Path | None = None, refused: bool = False) -> dict[str, str]:
+    """Code of a method as a notebook has it, of the main program, in no file; or the message that refuses it."""
     code = f"""
 import sys
 from lfobench.source_code import code_of, in_session
@@ -172,7 +185,12 @@ exec(compile({source!r}, "<cell>", "exec"), sys.modules["__main__"].__dict__)
 assert in_session(Mine)
 print(code_of(Mine))
 """
-    done = subprocess.run([sys.executable, "-"], input=code, capture_output=True, text=True)
+    path = os.pathsep.join([str(folder), *sys.path])
+    done = subprocess.run(
+        [sys.executable, "-"], input=code, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path}
+    )
+    if refused:
+        return {"UserError": done.stderr.splitlines()[-1]}
     assert done.returncode == 0, done.stderr
     return eval(done.stdout)  # type: ignore[no-any-return]
 
@@ -203,6 +221,92 @@ def test_of_a_class_in_no_file_what_was_typed_counts(edit: Callable[[str], str])
     assert typed(HELPED) == before
     assert edit(HELPED) != HELPED
     assert typed(edit(HELPED)) != before
+
+
+USING = method_source().replace(
+    "0.1 *", "0.1 * loss(helper, other, TABLE, LAYERS, NAMES, Row, half, start()) *"
+) + dedent("""
+    import helper
+    from dataclasses import dataclass, field
+    from functools import partial
+    from helper import loss
+    from helper import loss as other
+    TABLE = {"a": [1, {"b": 2}]}
+    LAYERS = [1, (2, 3)]
+    NAMES = {"one", "two", "three"}
+    half = partial(max, 0.5)
+    @dataclass
+    class Row:
+        width: int = 3
+        parts: list = field(default_factory=list)
+    @torch.no_grad()
+    def start(scale=[1], using=loss):
+        from helper import loss
+        return scale
+""")
+
+
+def test_values_and_decorated_functions_of_the_session_count(tmp_path: Path) -> None:
+    (tmp_path / "helper.py").write_text("def loss(*_): return 1.0", encoding="utf-8")
+    edits = {
+        '{"b": 2}': '{"b": 3}',
+        "LAYERS = [1, (2, 3)]": "LAYERS = [1, (3, 2)]",
+        '"three"}': '"four"}',
+        "partial(max, 0.5)": "partial(max, 0.6)",
+        "width: int = 3": "width: int = 4",
+        "scale=[1]": "scale=[2]",
+        "return scale": "return scale * 2",
+    }
+    assert all(old in USING for old in edits)
+    sources = [USING, USING, *(USING.replace(old, new) for old, new in edits.items())]
+    code = f"""
+from lfobench.source_code import code_of
+for source in {sources!r}:
+    variables = {{"__name__": "__main__"}}
+    exec(compile(source, "<cell>", "exec"), variables)
+    print(code_of(variables["Mine"]))
+"""
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    lines = [
+        subprocess.run(
+            [sys.executable, "-"], input=code, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path}
+        ).stdout.splitlines()
+        for _ in range(2)
+    ]
+    assert lines[0] == lines[1]
+    assert len(lines[0]) == len(sources)
+    assert lines[0][0] == lines[0][1]
+    assert len(set(lines[0])) == 1 + len(edits)
+
+
+@pytest.mark.parametrize(
+    "used",
+    ["from helper import loss", "import helper as loss", "from helper import RATE, loss", "from helper import *"],
+)
+def test_files_that_a_session_imports_from_count(used: str, tmp_path: Path) -> None:
+    source = method_source().replace("0.1 *", "loss and 0.1 *") + f"\n{used}\n"
+    files = {
+        "helper": "import deeper\nRATE = 1\ndef loss(x): return deeper.loss(x)\n",
+        "deeper": "def loss(x): return x\n",
+    }
+    write(tmp_path, files)
+    before = typed(source, tmp_path)
+    (tmp_path / "unused.py").touch()
+    assert typed(source, tmp_path) == before
+    for name, text in files.items():
+        write(tmp_path, files | {name: text.replace("return ", "return 2 * ")})
+        assert typed(source, tmp_path) != before
+
+
+@pytest.mark.parametrize(
+    ("made", "kind"), [("object()", "object"), ("torch.zeros(3)", "Tensor"), ("[torch.nn.Linear(1, 1)]", "Linear")]
+)
+def test_a_value_whose_changes_cannot_be_noticed_is_refused(made: str, kind: str) -> None:
+    used = method_source().replace("0.1 *", "(THING, 0.1)[1] *") + f"\nTHING = {made}\n"
+    default = method_source().replace("def act(self, observation", f"def act(self, observation, thing={made}")
+    for source, name in ((used, "'THING'"), (default, "'Mine.act'")):
+        message = typed(source, refused=True)["UserError"]
+        assert all(word in message for word in ("UserError", name, kind, "Put the class into a file"))
 
 
 def test_a_class_made_inside_a_function_is_of_this_session() -> None:

@@ -113,4 +113,5 @@ def _protocols() -> list[dict[str, Any]]:
 
 def first_line(described: type) -> str:
     """Of its docstring."""
-    return next(iter((described.__doc__ or "").strip().splitlines()), "")
+    text = described.__doc__
+    return next(iter(text.strip().splitlines()), "") if isinstance(text, str) else ""

@@ -12,9 +12,12 @@ A minimal method has `name`, `Config`, `needs`, `__init__`, `update` and `act`; 
 
 from __future__ import annotations
 
+import hashlib
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import torch
@@ -168,6 +171,14 @@ class Method(ABC):
     grids: ClassVar[Mapping[str, tuple[Any, ...]]] = {}
 
     config: Any
+    _source: ClassVar[str | None]
+    """SHA-256 of the file that the class was made from; None where it has none."""
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        """Remember the file as it is now, since it may be edited while the class lives."""
+        super().__init_subclass__(**keywords)
+        file = Path(getattr(sys.modules.get(cls.__module__), "__file__", None) or "")
+        cls._source = hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None
 
     def __new__(cls, config: Any = None, *_: Any, **__: Any) -> Self:
         """An instance that knows its configuration, whatever its own `__init__` keeps."""

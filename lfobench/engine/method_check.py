@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from pydantic import BaseModel
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
@@ -39,6 +38,7 @@ from lfobench.engine.state import (
     state_layout,
 )
 from lfobench.errors import UserError
+from lfobench.registry import declaration_faults
 
 SHAPES = Shapes(observation=11, action=3)
 SEEDS = (7, 3, 11)
@@ -81,8 +81,7 @@ def check_method(method: type[Method], config: Any = None, shapes: Shapes = SHAP
         shapes: of the raw observations and actions.
     """
     findings: list[Finding] = []
-    chosen = _configured(method) if config is None else config
-    check = _Check(method, chosen, shapes)
+    check = _Check(method, config, shapes)
     for rule, holds in check.rules():
         try:
             problem = holds()
@@ -141,19 +140,10 @@ class _Check:
         yield READS_BACK, self.reading_back
 
     def configurations(self) -> str | None:
-        if not issubclass(self._class.Config, BaseModel):
-            raise _Broken("Config is no MethodConfig")
-        for name, fields in self._class.presets.items():
-            for protocol, budget in {"": {}, **self._class.budgets}.items():
-                try:
-                    self._class.Config.model_validate({**fields, **budget})
-                except ValueError as error:
-                    first = str(error).splitlines()
-                    where = f"preset '{name}'" + (f" under protocol '{protocol}'" if protocol else "")
-                    raise _Broken(f"{where}: {' '.join(line.strip() for line in first[1:3])}") from error
-        unknown = set(self._class.stated) - set(self._class.Config.model_fields)
-        if unknown:
-            raise _Broken(f"`stated` names '{min(unknown)}', which Config lacks")
+        if faults := declaration_faults(self._class):
+            raise _Broken("; ".join(faults))
+        if self._config is None:
+            self._config = _configured(self._class)
         return None
 
     def declaration(self) -> str | None:

@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from math import prod
 from typing import Any
 
 from pydantic import ValidationError
@@ -20,6 +21,9 @@ from lfobench.errors import UserError, unknown_name
 from lfobench.plan.cells import Cell
 from lfobench.plan.names import Grids, chosen_methods, parse_assignments, parse_grids
 from lfobench.plan.planning import Plan, Request
+
+MOST_COMBINATIONS = 10_000
+"""Of the values of one grid."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,11 @@ def search_of(cell: Cell, asked: Grids | None = None) -> Search | None:
             raise UserError(f"{where} has the field '{field}', which {name} lacks.", unknown.remedy)
         if not values:
             raise UserError(f"{where} has no value for {field}.", "Give it values, or leave the field out.")
+    count = prod(len(values) for values in grid.values())
+    if count > MOST_COMBINATIONS:
+        raise UserError(
+            f"{where} has {count:,} combinations; at most {MOST_COMBINATIONS:,} are tried.", "Give it fewer values."
+        )
     combinations = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     search = Search(cell, tuple(_with_values(cell, values, where) for values in combinations))
     for field, values in grid.items():
@@ -135,7 +144,8 @@ def searches(plan: Plan, request: Request) -> list[Search]:
     for name in methods:
         if name not in searched:
             raise UserError(
-                f"Suite '{plan.suite.name}' declares no grid for {name} on {_listed(plan.tasks)}.",
+                f"There is no grid for {name} on {_listed(plan.tasks)}: neither the suite '{plan.suite.name}' nor the "
+                "method declares one.",
                 f"Say what to try, --grid {name}.FIELD=V1,V2, or leave it out; "
                 f"with a grid: {', '.join(methods_with_grids(plan.tasks)) or 'none'}.",
             )

@@ -239,7 +239,7 @@ def with_choices(plan: Plan, request: Request, folder: TuningFolder) -> Plan:
             lacking.append(search)
     if not declared:
         raise UserError(
-            f"Suite '{plan.suite.name}' declares no grid for these methods and tasks, so nothing is tuned.",
+            f"Neither the suite '{plan.suite.name}' nor a method declares a grid for these methods and tasks.",
             "Leave out --tuned, or choose first: lfobench tune --grid METHOD.FIELD=V1,V2.",
         )
     if lacking:

@@ -312,14 +312,14 @@ def test_a_choice_made_under_other_conditions_is_not_taken(
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (("tune", *ON_POLE, "--methods", "dilo"), ("'tuned' declares no grid for dilo", "with a grid: bc, bco")),
+        (("tune", *ON_POLE, "--methods", "dilo"), ("no grid for dilo", "with a grid: bc, bco")),
         (("tune", *ON_POLE, "--methods", "bcc"), ("Unknown method 'bcc'", "Did you mean 'bc'")),
         (("tune", *ON_POLE, "--preset", "papper"), ("Unknown preset", "'papper'")),
         (("tune", "--suite", "locomotion", "--tasks", "hopper-*"), ("'locomotion' declares no grid for these tasks",)),
         (("tune", "--suite", "locomotoin"), ("Unknown suite 'locomotoin'",)),
         (("tune", *ON_POLE, "--set", "bc.learning_rate=1"), ("--set bc.learning_rate", "Leave it out")),
         (("tune", *ON_POLE, "--seeds", "many"), ("'many' is not a list of seeds",)),
-        (("run", "--methods", "dilo", *ON_POLE, "--tuned"), ("declares no grid", "Leave out --tuned")),
+        (("run", "--methods", "dilo", *ON_POLE, "--tuned"), ("declares a grid", "Leave out --tuned")),
     ],
     ids=lambda value: " ".join(value[-2:]),
 )

@@ -202,6 +202,7 @@ def test_what_evaluates_and_what_the_grid_replaces_do_not_matter() -> None:
         ({"learning_rate": (0.1, "much")}, r"learning_rate = 'much'"),
         ({"learning_rate": (0.1, -1.0)}, r"learning_rate = -1"),
         ({"batch_size": (8, 16, 8.0)}, r"value of batch_size twice"),
+        ({"batch_size": range(1, 10**6), "learning_rate": range(1, 10**6)}, r"999,998,000,001 combinations.*10,000"),
     ],
 )
 def test_a_suites_mistake_names_suite_task_and_field(grid: dict[str, tuple[Any, ...]], message: str) -> None:
@@ -209,10 +210,21 @@ def test_a_suites_mistake_names_suite_task_and_field(grid: dict[str, tuple[Any, 
         search_of(with_grid(grid))
 
 
+def test_no_grid_is_listed_before_it_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = with_grid({})
+    values = tuple(range(1, 102))
+    asked = {"bc": {"batch_size": values, "learning_rate": values}}
+    with pytest.raises(UserError, match=r"--grid: the grid of bc has 10,201 combinations; at most 10,000"):
+        search_of(cell, asked)
+    monkeypatch.setattr(cell.method, "grids", asked["bc"])
+    with pytest.raises(UserError, match=r"Method 'bc': its grid has 10,201 combinations; at most 10,000"):
+        search_of(cell)
+
+
 def test_a_method_without_a_grid_is_refused() -> None:
-    with pytest.raises(UserError, match=r"'tuned' declares no grid for dilo on any of 2 tasks.*grid: bc, bco"):
+    with pytest.raises(UserError, match=r"no grid for dilo on any of 2 tasks.*'tuned'.*grid: bc, bco"):
         searches(planned("bc,dilo"), Request("bc,dilo", TUNED))
-    with pytest.raises(UserError, match=r"declares no grid for bco on pole-medium-expert.*grid: bc\."):
+    with pytest.raises(UserError, match=r"no grid for bco on pole-medium-expert.*grid: bc\."):
         searches(planned("bco", MEDIUM), Request("bco", TUNED))
 
 

@@ -260,7 +260,7 @@ def test_missing_choices_name_the_command(folder: TuningFolder) -> None:
 
 
 def test_nothing_to_tune_is_a_mistake(folder: TuningFolder) -> None:
-    with pytest.raises(UserError, match=r"declares no grid for these methods and tasks.*Leave out --tuned"):
+    with pytest.raises(UserError, match=r"declares a grid for these methods and tasks.*Leave out --tuned"):
         with_choices(make_plan(request("dilo"), never), request("dilo"), folder)
 
 
