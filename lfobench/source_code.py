@@ -237,7 +237,7 @@ def _typed_once(value: Any, where: str, seen: set[int]) -> Iterator[str]:
         ordered = sorted(parts) if isinstance(value, (set, frozenset)) else parts
         yield f"{type(value).__name__} {canonical_json(ordered)}"
     elif isinstance(value, (classmethod, staticmethod, MethodType)):
-        yield type(value).__qualname__
+        yield str(type(value).__qualname__)
         yield from _typed(value.__func__, where, seen)
         if isinstance(value, MethodType):
             owner = value.__self__
