@@ -18,7 +18,7 @@ class Balancing:
         self.fingerprint = f"balancing {level} 1"  # another number for another policy: its data is made anew
 
     def act(self, observation: FloatArray, generator: np.random.Generator) -> FloatArray:
-        """A push in [-1, 1], ``[1]``, for position, angle and their velocities, ``[4]``."""
+        """A push ``[1]`` in the pole's own units for position, angle and their velocities ``[4]``."""
         if self.level != "expert":
             return generator.uniform(-1.0, 1.0, 1).astype(np.float32)
         push = observation @ np.asarray([0.5, 8.0, 0.5, 1.5], np.float32) + generator.normal(0.0, 0.01)
