@@ -229,11 +229,11 @@ def test_what_files_lack_is_said_before_anything_trains(
     lonely = lfobench_command(*run, "--source", f"{offline},expert={tmp_path / 'one.hdf5'}")
     assert lonely.code == 0
     said = lonely.err.index(
-        "has 1 episode and does not reach 2 trajectories by the released count, so none of it is mixed"
+        "has 1 trajectory of the 2 that the recipe mixes into the offline data; all of them are in it"
     )
-    assert said < lonely.err.index("seed 0: score") and lonely.err.count("by the released count") == 1
+    assert said < lonely.err.index("seed 0: score") and lonely.err.count("that the recipe mixes into") == 1
     quiet = lfobench_command(*run, "--steps", "20", "--json", "--source", f"{offline},expert={tmp_path / 'one.hdf5'}")
-    assert quiet.code == 0 and "released count" not in quiet.err
+    assert quiet.code == 0 and "the recipe mixes" not in quiet.err
     empty = lfobench_command(*run, "--source", f"{offline},expert={tmp_path / 'row.hdf5'}")
     assert empty.code == 2 and "of its 1 row, 0 have two successors in their episode" in empty.err
 
