@@ -73,6 +73,7 @@ def changed(old: str, new: str) -> str:
         (changed("3_000", "0"), "a recipe's offline_transitions is 0"),
         (changed("trajectories, 60", "trajectories, 0"), "a recipe's demonstration_rows is 0"),
         ("import no_such_module", "cannot be run: ModuleNotFoundError"),
+        ("import sys; sys.exit('no licence')", "cannot be run: SystemExit: no licence"),
     ],
 )
 def test_suite_files_that_are_none(tmp_path: Path, source: str, message: str) -> None:

@@ -100,7 +100,7 @@ def build_shard(job: ShardJob | ImportJob) -> ShardJob | ImportJob:
         assert suite.demonstrator is not None, "parts are specified before they are built"
         maker = suite.demonstrator(task.environment.name, job.level)
         episodes = record(part, maker) if isinstance(maker, Operator) else roll_out(part, maker, job.shard)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UserError(
             f"The {job.level} data of {job.task} cannot be made: {type(error).__name__}: {error}.",
             f"Mend the environment or demonstrator of suite '{suite.name}'.",

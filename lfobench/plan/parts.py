@@ -128,7 +128,7 @@ def specification(suite: Suite, task: Task, level: Level, episodes: int | None =
         fingerprint = maker.fingerprint
     except UserError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UserError(
             f"The {level} demonstrator of {task.environment.name} failed: {type(error).__name__}: {error}.",
             f"Mend the demonstrator of suite '{suite.name}'.",
