@@ -54,7 +54,7 @@ def test_any_method_is_tuned_on_any_suite(mine: Path, tmp_path: Path, lfobench_c
     planned = lfobench_command(*run, *grid, "--dry-run", "--json")
     assert [each["done"] for each in json.loads(planned.out)["runs"]] == [True]
     (mine.parent / "rates.py").write_text("RATE = 0.3\n", encoding="utf-8")
-    assert_refused(lfobench_command(*run), "nothing is tuned", "lfobench tune --grid")
+    assert_refused(lfobench_command(*run), "declares a grid", "lfobench tune --grid")
     assert_refused(lfobench_command(*run, *grid), "made under other conditions", "method_code.rates.py", "--grid")
 
 
