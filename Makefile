@@ -26,7 +26,7 @@ demo: setup  ## Five methods, three seeds, four robot tasks in a simulator: tabl
 	$(BIN)/lfobench video bco dynamic-hitting-400-expert-hit --out $(DEMO) --to $(DEMO)/hitting.gif
 
 test: check  ## Lint, types and tests.
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 check: setup  ## Lint and types.
 	$(BIN)/ruff check .
