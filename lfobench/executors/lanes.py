@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from queue import Empty, SimpleQueue
 
-import torch
 
 from lfobench.engine.job import Job
 from lfobench.executors.events import CarryOut, Ended, Event, attempt
@@ -21,7 +20,7 @@ POLL_SECONDS = 0.2
 MOST_LANES = 16
 
 
-def execute(jobs: Sequence[Job], carry_out: CarryOut, lanes: int, stop: Callable[[], bool]) -> Iterator[Event]:
+def in_threads(jobs: Sequence[Job], carry_out: CarryOut, lanes: int, stop: Callable[[], bool]) -> Iterator[Event]:
     """Carry out `jobs` on `lanes` threads; events of different jobs interleave.
 
     After a stop the running jobs save their checkpoints and end; the rest is left for the next command.
@@ -72,4 +71,8 @@ def execute(jobs: Sequence[Job], carry_out: CarryOut, lanes: int, stop: Callable
 
 
 def _stream(device: str) -> AbstractContextManager[object]:
-    return torch.cuda.stream(torch.cuda.Stream()) if device == "cuda" else nullcontext()
+    if device != "cuda":
+        return nullcontext()
+    import torch
+
+    return torch.cuda.stream(torch.cuda.Stream())

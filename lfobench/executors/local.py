@@ -8,7 +8,7 @@ from lfobench.engine.job import Job
 from lfobench.executors.events import CarryOut, Event, attempt
 
 
-def execute(jobs: Sequence[Job], carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator[Event]:
+def in_sequence(jobs: Sequence[Job], carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator[Event]:
     """Carry out `jobs` in order; after a stop the rest is left for the next command."""
     for index, job in enumerate(jobs):
         if stop():

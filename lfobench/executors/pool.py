@@ -45,7 +45,7 @@ class _Worker:
         return True
 
 
-def execute(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
+def in_processes(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
     """Carry out `jobs` on `workers` processes; events of different jobs interleave.
 
     After a stop the running jobs save their checkpoints and end; the rest is left for the next command.

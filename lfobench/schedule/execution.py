@@ -23,7 +23,9 @@ from lfobench.data.source import load_task
 from lfobench.engine.job import Job, Left, Recorded, carry_out
 from lfobench.engine.method_check import require_sound
 from lfobench.errors import UserError
-from lfobench.executors import lanes, local, pool
+from lfobench.executors.local import in_sequence
+from lfobench.executors.lanes import in_threads
+from lfobench.executors.pool import in_processes
 from lfobench.executors.events import Ended, Event
 from lfobench.files import Held, is_held, locked, remove_leftovers, writable_folder
 from lfobench.plan.cells import Cell
@@ -324,10 +326,10 @@ def _unfinished(jobs: Sequence[Job], folder: RecordFolder) -> list[Job]:
 
 def _events(work: Sequence[Job], workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
     if work and work[0].device == "cuda":
-        return lanes.execute(work, carry_out, workers, stop)
+        return in_threads(work, carry_out, workers, stop)
     if workers == 1 or len(work) == 1:
-        return local.execute(work, carry_out, stop)
-    return pool.execute(work, carry_out, workers, stop)
+        return in_sequence(work, carry_out, stop)
+    return in_processes(work, carry_out, workers, stop)
 
 
 def _kept(folder: RecordFolder, job: Job, ended: Ended, watcher: Watcher) -> Iterator[Path]:

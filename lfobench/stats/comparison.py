@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.contract.statistic import tie
-from lfobench.stats import permutation
+from lfobench.stats.permutation import permutation_test, rank_sum_test, sign_flip_test, signed_rank_test
 from lfobench.stats.names import HighlightTest, Test
 from lfobench.stats.proportions import fisher_test
 from lfobench.stats.sample import Sample, counted
@@ -60,7 +60,7 @@ def p_value(test: HighlightTest, first: Sample, second: Sample) -> float | None:
     one, two = _scores(test, first.seeds), _scores(test, second.seeds)
     if min(one.size, two.size) < 2:
         return None
-    return permutation.rank_sum_test(one, two) if test == "mann-whitney" else permutation.permutation_test(one, two)
+    return rank_sum_test(one, two) if test == "mann-whitney" else permutation_test(one, two)
 
 
 def margin(test: HighlightTest, first: Sample, second: Sample) -> float:
@@ -125,9 +125,9 @@ def _t_test(first: Summary, second: Summary, *, equal_variances: bool) -> float 
 
 def _paired(test: Test, first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
     if test == "wilcoxon":
-        return permutation.signed_rank_test(first, second)
+        return signed_rank_test(first, second)
     if test == "paired-permutation":
-        return permutation.sign_flip_test(first, second)
+        return sign_flip_test(first, second)
     # Differences that share a mean but no spread: the same limit as in `welch_test`.
     paired = welch_test(_differences(first.tolist(), second.tolist()), Summary(2, 0.0, 0.0))
     assert paired is not None

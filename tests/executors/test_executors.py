@@ -24,7 +24,9 @@ from helpers_engine import (
 from lfobench.cli.progress import Terminal
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
-from lfobench.executors import local, pool
+from lfobench.executors.local import in_sequence
+from lfobench.executors import pool
+from lfobench.executors.pool import in_processes
 from lfobench.executors.events import CarryOut, Ended, Event
 from lfobench.store.failures import read_failures, write_failure
 from lfobench.store.folder import RecordFolder
@@ -49,8 +51,8 @@ def test_pool_and_local_leave_the_same_records(tmp_path: Path, shared_cache: Pat
         ]
 
     one, two = jobs("local"), jobs("pool")
-    assert outcomes(list(local.execute(one, carry_out, never))) == dict.fromkeys(range(4), "done")
-    assert outcomes(list(pool.execute(two, carry_out, 2, never))) == dict.fromkeys(range(4), "done")
+    assert outcomes(list(in_sequence(one, carry_out, never))) == dict.fromkeys(range(4), "done")
+    assert outcomes(list(in_processes(two, carry_out, 2, never))) == dict.fromkeys(range(4), "done")
     for here, there in zip(one, two, strict=True):
         assert [record.measured() for record in records_of(here)] == [record.measured() for record in records_of(there)]
 
@@ -61,7 +63,7 @@ def test_a_worker_that_dies_fails_its_own_job_only(tmp_path: Path, shared_cache:
     marker.touch()
     cells = [cell_of(Drifting), cell_of(Dying, marker=str(marker)), cell_of(Drifting), cell_of(Raising)]
     jobs = [make_job(cell, [seed], tmp_path / "out", shared_cache) for seed, cell in enumerate(cells)]
-    events = list(pool.execute(jobs, carry_out, 1, never))
+    events = list(in_processes(jobs, carry_out, 1, never))
     assert outcomes(events) == {0: "done", 1: "failed", 2: "done", 3: "failed"}
     died, raised = endings(events)[1], endings(events)[3]
     assert "worker process died" in died.message
@@ -69,13 +71,13 @@ def test_a_worker_that_dies_fails_its_own_job_only(tmp_path: Path, shared_cache:
     assert "a bug in somebody's method" in raised.message
     assert "Traceback" in raised.detail
     marker.unlink()
-    again = list(local.execute(jobs[1:2], carry_out, never))
+    again = list(in_sequence(jobs[1:2], carry_out, never))
     assert outcomes(again) == {0: "done"}
 
 
 def test_a_bug_in_one_method_leaves_the_others_alone(tmp_path: Path, shared_cache: Path) -> None:
     jobs = [make_job(cell_of(method), [0], tmp_path, shared_cache) for method in (Raising, Drifting)]
-    events = list(local.execute(jobs, carry_out, never))
+    events = list(in_sequence(jobs, carry_out, never))
     assert outcomes(events) == {0: "failed", 1: "done"}
     (line,) = endings(events)[0].place
     assert "helpers_engine.py:" in line
@@ -86,7 +88,7 @@ def test_a_failure_shows_the_users_own_lines_and_keeps_them(
     tmp_path: Path, shared_cache: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     job = make_job(cell_of(Raising), [0], tmp_path, shared_cache)
-    (ended,) = endings(list(local.execute([job], carry_out, never))).values()
+    (ended,) = endings(list(in_sequence([job], carry_out, never))).values()
     folder = RecordFolder(tmp_path)
     path = write_failure(folder, job.runs[0], f"{ended.message}\x1b[2J", ended.detail, ended.place)
     Terminal(quiet=True).failed(job, ended, [path])
@@ -98,7 +100,7 @@ def test_a_failure_shows_the_users_own_lines_and_keeps_them(
 
 def test_missing_data_is_reported_without_a_traceback(tmp_path: Path) -> None:
     job = Job(cell_of(Drifting), (0,), tmp_path / "out", tmp_path / "cache", "cpu")
-    (ended,) = endings(list(local.execute([job], carry_out, never))).values()
+    (ended,) = endings(list(in_sequence([job], carry_out, never))).values()
     assert ended.outcome == "failed"
     assert "missing" in ended.message
     assert ended.detail == ""
@@ -108,17 +110,17 @@ def test_a_job_held_elsewhere_is_busy(tmp_path: Path, shared_cache: Path) -> Non
     jobs = [make_job(cell_of(Drifting), [seed], tmp_path, shared_cache) for seed in (0, 1)]
     holder = carry_out(jobs[0], never)
     next(holder)
-    assert outcomes(list(local.execute(jobs, carry_out, never))) == {0: "busy", 1: "done"}
+    assert outcomes(list(in_sequence(jobs, carry_out, never))) == {0: "busy", 1: "done"}
     list(holder)
 
 
 def test_a_stop_leaves_the_rest_for_the_next_command(tmp_path: Path, shared_cache: Path) -> None:
     jobs = [make_job(cell_of(Drifting), [seed], tmp_path, shared_cache) for seed in (0, 1, 2)]
     events: list[Event] = []
-    for event in local.execute(jobs, carry_out, lambda: any(isinstance(event.what, Advance) for event in events)):
+    for event in in_sequence(jobs, carry_out, lambda: any(isinstance(event.what, Advance) for event in events)):
         events.append(event)
     assert outcomes(events) == {0: "stopped"}
-    assert outcomes(list(local.execute(jobs, carry_out, never))) == dict.fromkeys(range(3), "done")
+    assert outcomes(list(in_sequence(jobs, carry_out, never))) == dict.fromkeys(range(3), "done")
 
 
 def crawl(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
@@ -133,7 +135,7 @@ def test_a_stop_reaches_every_worker_and_nothing_stays_behind(tmp_path: Path, sh
     jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1, 2)]
     seen: set[int] = set()
     events = []
-    for event in pool.execute(jobs, crawl, 2, lambda: len(seen) == 2):
+    for event in in_processes(jobs, crawl, 2, lambda: len(seen) == 2):
         seen.add(event.index)
         events.append(event)
     assert outcomes(events) == {0: "stopped", 1: "stopped"}, "the third was not begun"
@@ -163,7 +165,7 @@ def test_whoever_stops_listening_leaves_no_process(
 ) -> None:
     """A second Ctrl-C; also with a worker that will not leave, or is too slow for it on a busy machine."""
     jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1)]
-    events = pool.execute(jobs, work, 2, never)
+    events = in_processes(jobs, work, 2, never)
     seen: set[int] = set()
     while len(seen) < 2:
         seen.add(next(events).index)
@@ -183,7 +185,7 @@ def leave(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
 @pytest.mark.parametrize("workers", [None, 2])
 def test_a_method_that_exits_ends_its_own_job_only(workers: int | None, tmp_path: Path, shared_cache: Path) -> None:
     jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1)]
-    events = list(local.execute(jobs, leave, never) if workers is None else pool.execute(jobs, leave, workers, never))
+    events = list(in_sequence(jobs, leave, never) if workers is None else in_processes(jobs, leave, workers, never))
     assert outcomes(events) == {0: "failed", 1: "done"}
     assert "enough" in endings(events)[0].message
 
@@ -210,7 +212,7 @@ def test_a_worker_that_dies_between_two_jobs_is_replaced_once(
 
     monkeypatch.setattr(pool, "_Worker", Worker)
     jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1)]
-    events = list(pool.execute(jobs, report, 1, never))
+    events = list(in_processes(jobs, report, 1, never))
     assert outcomes(events) == {0: outcome, 1: "done"}
     assert len(made) == len(dead) + 1
     if outcome == "failed":

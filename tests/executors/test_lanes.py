@@ -18,7 +18,8 @@ from helpers_engine import Drifting, Raising, StopAfter, cell_of, make_job, neve
 
 from lfobench.engine.job import Job, Recorded, carry_out
 from lfobench.engine.training import Advance
-from lfobench.executors import lanes, local
+from lfobench.executors.local import in_sequence
+from lfobench.executors.lanes import in_threads
 from lfobench.executors.events import CarryOut, Ended, Event
 
 
@@ -60,7 +61,7 @@ def test_lanes_and_local_leave_the_same_records(tmp_path: Path, shared_cache: Pa
         ]
 
     one, two = jobs("local"), jobs("lanes")
-    here, there = list(local.execute(one, carry_out, never)), list(lanes.execute(two, together(2), 2, never))
+    here, there = list(in_sequence(one, carry_out, never)), list(in_threads(two, together(2), 2, never))
     assert outcomes(here) == outcomes(there) == dict.fromkeys(range(4), "done")
     assert measured(two) == measured(one)
 
@@ -75,7 +76,7 @@ def test_events_of_two_jobs_interleave(tmp_path: Path, shared_cache: Path) -> No
             barrier.wait(PATIENCE)
             yield Advance("walking", step, steps, None)
 
-    events = list(lanes.execute(drifting([0, 1], tmp_path, shared_cache), in_step, 2, never))
+    events = list(in_threads(drifting([0, 1], tmp_path, shared_cache), in_step, 2, never))
     assert outcomes(events) == {0: "done", 1: "done"}
     for index in (0, 1):
         *advances, ended = of_job(events, index)
@@ -87,7 +88,7 @@ def test_events_of_two_jobs_interleave(tmp_path: Path, shared_cache: Path) -> No
 
 def test_every_job_is_reported_from_its_first_step_to_its_record(tmp_path: Path, shared_cache: Path) -> None:
     jobs = drifting([0, 1, 2], tmp_path, shared_cache)
-    events = list(lanes.execute(jobs, carry_out, 2, never))
+    events = list(in_threads(jobs, carry_out, 2, never))
     for index, job in enumerate(jobs):
         *advances, recorded, ended = of_job(events, index)
         assert [advance.done for advance in advances] == sorted(advance.done for advance in advances)
@@ -112,7 +113,7 @@ def test_whatever_ends_one_job_ends_no_other(tmp_path: Path, shared_cache: Path)
     def some_leave(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
         return leave(job, stop) if job is jobs[1] else carry_out(job, stop)
 
-    events = list(lanes.execute(jobs, some_leave, 1, never))
+    events = list(in_threads(jobs, some_leave, 1, never))
     assert outcomes(events) == {0: "failed", 1: "failed", 2: "failed", 3: "done"}
     bug, left, missing = (of_job(events, index)[-1] for index in range(3))
     assert "a bug in somebody's method" in bug.message
@@ -126,7 +127,7 @@ def test_a_job_that_is_running_already_is_busy(tmp_path: Path, shared_cache: Pat
     jobs = drifting([0, 1], tmp_path, shared_cache)
     holder = carry_out(jobs[0], never)
     next(holder)
-    assert outcomes(list(lanes.execute(jobs, carry_out, 2, never))) == {0: "busy", 1: "done"}
+    assert outcomes(list(in_threads(jobs, carry_out, 2, never))) == {0: "busy", 1: "done"}
     list(holder)
 
 
@@ -134,17 +135,17 @@ def test_a_stop_saves_what_runs_and_leaves_the_rest(tmp_path: Path, shared_cache
     """The stop is asked for after 30 questions of both jobs together: neither has come to its 47th step."""
     straight = drifting([0, 1, 2], tmp_path / "straight", shared_cache)
     broken = drifting([0, 1, 2], tmp_path / "broken", shared_cache)
-    list(local.execute(straight, carry_out, never))
-    assert outcomes(list(lanes.execute(broken, together(2), 2, StopAfter(30)))) == {0: "stopped", 1: "stopped"}
+    list(in_sequence(straight, carry_out, never))
+    assert outcomes(list(in_threads(broken, together(2), 2, StopAfter(30)))) == {0: "stopped", 1: "stopped"}
     checkpoints = list((tmp_path / "broken").rglob("*.safetensors"))
     assert len(checkpoints) == 2
     assert not list((tmp_path / "broken").rglob("*.json"))
-    assert outcomes(list(lanes.execute(broken, carry_out, 2, never))) == dict.fromkeys(range(3), "done")
+    assert outcomes(list(in_threads(broken, carry_out, 2, never))) == dict.fromkeys(range(3), "done")
     assert measured(broken) == measured(straight)
 
 
 def test_a_stop_before_the_first_job(tmp_path: Path, shared_cache: Path) -> None:
-    assert list(lanes.execute(drifting([0, 1], tmp_path, shared_cache), carry_out, 2, lambda: True)) == []
+    assert list(in_threads(drifting([0, 1], tmp_path, shared_cache), carry_out, 2, lambda: True)) == []
 
 
 @pytest.mark.parametrize("ending", ["close", "raise"])
@@ -159,7 +160,7 @@ def test_lanes_end_with_whoever_listened_to_them(ending: str, tmp_path: Path, sh
             yield Advance("crawling", 0, 1, None)
 
     before = set(threading.enumerate())
-    events = lanes.execute(drifting([0, 1, 2], tmp_path, shared_cache), crawl, 2, never)
+    events = in_threads(drifting([0, 1, 2], tmp_path, shared_cache), crawl, 2, never)
     seen: set[int] = set()
     while seen != {0, 1}:
         seen.add(next(events).index)
@@ -177,8 +178,8 @@ def test_lanes_end_with_whoever_listened_to_them(ending: str, tmp_path: Path, sh
 
 
 def test_more_lanes_than_jobs(tmp_path: Path, shared_cache: Path) -> None:
-    assert outcomes(list(lanes.execute(drifting([0, 1], tmp_path, shared_cache), carry_out, 9, never))) == {
+    assert outcomes(list(in_threads(drifting([0, 1], tmp_path, shared_cache), carry_out, 9, never))) == {
         0: "done",
         1: "done",
     }
-    assert list(lanes.execute([], carry_out, 9, never)) == []
+    assert list(in_threads([], carry_out, 9, never)) == []
