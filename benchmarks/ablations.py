@@ -14,7 +14,7 @@ from benchmarks.pairs import Alternation, Contender, Spread
 from benchmarks.synthetic import SHAPES
 from benchmarks.training import Bench
 from benchmarks.workloads import WORKLOADS
-from lfobench.engine import sampling
+from lfobench.engine import batches as sampling
 from lfobench.nn import networks
 from lfobench.nn.perceptron import Parameters, composed
 

@@ -18,17 +18,17 @@ import numpy as np
 import torch
 
 from benchmarks.pairs import Contender, Spread, alternate
+from lfobench.cells.cell import Cell
+from lfobench.cells.parts import SHARD_TRANSITIONS, requests
+from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.episodes import Episodes
 from lfobench.contract.suite import Task
 from lfobench.data.cache import PartCache
 from lfobench.data.firewall import view
 from lfobench.data.source import load_task
 from lfobench.engine.job import Job, carry_out
-from lfobench.plan.cells import Cell
-from lfobench.plan.parts import SHARD_TRANSITIONS, requests
-from lfobench.plan.planning import Request, make_plan
+from lfobench.records.folder import RecordFolder
 from lfobench.registry import load_suite
-from lfobench.store.folder import RecordFolder
 
 CPU = torch.device("cpu")
 SUITE, TASK = "locomotion", "hopper-random-expert"

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 
 import torch
 
+from lfobench.cells.cell import Precision
 from lfobench.contract.method import Method, MethodConfig
-from lfobench.contract.randomness import Randomness
 from lfobench.data.firewall import View
 from lfobench.engine.program import Program, recorder_for
-from lfobench.plan.precision import Precision
+from lfobench.randomness import Randomness
 
 
 def engine_step(

@@ -15,14 +15,13 @@ from torch import Tensor, nn
 from benchmarks.authors.loop import perceptron
 from benchmarks.hardware import describe
 from benchmarks.pairs import Alternation, Contender, Spread, alternate
+from lfobench.cells.cell import Cell
+from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.method import Shapes
 from lfobench.data.mixing import ObservationTransform
-from lfobench.engine.evaluation import Evaluator, start_seed
+from lfobench.engine.evaluation import EpisodeResults, Evaluator, start_seed
 from lfobench.engine.evaluation_workers import EvaluationWorkers
-from lfobench.engine.rollout import EpisodeResults
 from lfobench.engine.state import MethodState, live_tensors
-from lfobench.plan.cells import Cell
-from lfobench.plan.planning import Request, make_plan
 
 CPU = torch.device("cpu")
 ONE_AT_A_TIME, LOCK_STEP, WORKERS = "one at a time", "lock step", "workers"

@@ -17,8 +17,8 @@ from benchmarks.synthetic import SHAPES
 from benchmarks.targets import TARGETS, Finding
 from benchmarks.training import AUTHORS, ENGINE, SEEDS, Bench, Effort, StepComparison
 from benchmarks.workloads import WORKLOADS
-from lfobench.engine.precision import has_bf16_units
-from lfobench.plan.precision import effective
+from lfobench.cells.cell import effective
+from lfobench.engine.program import has_bf16_units
 from lfobench.processes import keep_freed_memory
 
 NO_GPU = "no CUDA device here"

@@ -15,11 +15,10 @@ import numpy as np
 import lfobench
 from benchmarks.built_task import CPU, cell_of
 from benchmarks.pairs import Spread
-from lfobench.contract.record import Evaluation, Metrics, Record, content_hash
-from lfobench.plan.cells import Run
-from lfobench.stats.aggregates import interquartile_mean
-from lfobench.stats.bootstrap import REPLICATES
-from lfobench.store.folder import SEAL
+from lfobench.cells.cell import Run
+from lfobench.records.folder import SEAL
+from lfobench.records.record import Evaluation, Metrics, Record, content_hash
+from lfobench.stats.aggregates import REPLICATES, interquartile_mean
 
 METHODS, TASKS, SEEDS = 8, 24, 7
 RECORDS, EVALUATIONS, EPISODES = 10_000, 20, 10

@@ -28,8 +28,8 @@ from benchmarks.flops import (
     smodice,
 )
 from benchmarks.synthetic import EXPERT_ROWS, OFFLINE_ROWS, Synthetic, synthetic
+from lfobench.cells.cell import Precision
 from lfobench.contract.method import Method, Shapes
-from lfobench.plan.precision import Precision
 from methods.bc import Bc
 from methods.bco import INVERSE_DYNAMICS, Bco
 from methods.dilo import Dilo

@@ -30,7 +30,7 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'lfobench' has no attribute '{name}'")
     if name == "load":
-        from lfobench.store.frame import load
+        from lfobench.records.frame import load
 
         return load
     from lfobench import api

@@ -21,33 +21,31 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 
-from lfobench.contract.failure import Failure
-from lfobench.contract.record import Record, Warning
-from lfobench.contract.statistic import Statistic
+from lfobench.cells.names import split_names
+from lfobench.cells.plan import Plan, Request
 from lfobench.errors import UserError, unknown_name
 from lfobench.files import write_text
-from lfobench.plan.names import split_names
-from lfobench.plan.planning import Plan, Request
+from lfobench.records.folder import RecordFolder, RecordsRead, read_failures, read_folder, select
+from lfobench.records.frame import load
+from lfobench.records.published import read_publication
+from lfobench.records.record import Failure, Record, Warning
+from lfobench.records.score import Statistic
 from lfobench.registry import give_method, is_place, load_method, load_suite, load_suites
-from lfobench.render.beside import beside
-from lfobench.render.building import build_table
-from lfobench.render.formats import export
-from lfobench.render.outcomes import OutcomeTable, outcome_table
-from lfobench.render.rules import knobs
-from lfobench.render.table import Table
 from lfobench.stats.highlight import Rule
-from lfobench.store.failures import read_failures
-from lfobench.store.folder import RecordFolder, RecordsRead, read_folder, select
-from lfobench.store.frame import load
-from lfobench.store.published import read_publication
-from lfobench.words import harmless
+from lfobench.tables.building import build_table
+from lfobench.tables.counting import knobs
+from lfobench.tables.exporters.formats import export
+from lfobench.tables.outcomes import OutcomeTable, outcome_table
+from lfobench.tables.published_columns import beside
+from lfobench.tables.table import Table
+from lfobench.text import harmless
 
 if TYPE_CHECKING:
     from typing import Unpack
 
     from lfobench.contract.method import Method
-    from lfobench.render.plots.figure import PaperFigure
-    from lfobench.schedule.agenda import Agenda, Forecast
+    from lfobench.plots.figure import PaperFigure
+    from lfobench.schedule.jobs import Agenda, Forecast
 
 __all__ = [
     "Filters",
@@ -155,8 +153,8 @@ def run(
         KeyboardInterrupt: after Ctrl-C, when every run is saved; the same call continues.
     """
     # Imported here because it loads the simulators, and views need none of them.
-    from lfobench.schedule.agenda import resolve
-    from lfobench.schedule.packing import arranged
+    from lfobench.schedule.jobs import resolve
+    from lfobench.schedule.machine import arranged
 
     # True while a worker process imports the script: `multiprocessing` itself goes by it.
     if getattr(multiprocessing.current_process(), "_inheriting", False):
@@ -337,7 +335,7 @@ def plot(
         UserError: as the command line says it.
     """
     # Imported here because matplotlib is slow to load and nothing else needs it.
-    from lfobench.render.plots.kinds import check_kind, draw
+    from lfobench.plots.kinds import check_kind, draw
 
     check_kind(kind)
     selection = _selected(out, **filters)
@@ -368,7 +366,7 @@ def report(
         UserError: as the command line says it.
     """
     # Imported here because it loads matplotlib's colours and nothing else needs it.
-    from lfobench.render.report.page import report as report_page
+    from lfobench.html_report.page import report as report_page
 
     chosen = _selected(out, **filters)
     scored, rule = knobs(chosen.records, statistic, test, scope, correction, alpha)

@@ -39,9 +39,9 @@ from pydantic_core import PydanticUndefined
 
 import lfobench
 from lfobench.contract.method import Method
-from lfobench.contract.record import canonical_json, content_hash
 from lfobench.errors import UserError
 from lfobench.python_files import PREFIX
+from lfobench.records.record import canonical_json, content_hash
 
 SHIPPED = frozenset({"lfobench", "methods", "suites", "benchmarks"})
 """Top-level packages of this distribution, which no method's folder stands in for."""

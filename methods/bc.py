@@ -25,8 +25,8 @@ from lfobench.contract.method import (
     Stage,
     Widths,
 )
-from lfobench.contract.randomness import StepRandomness
 from lfobench.nn.policies import DeterministicPolicy, TanhGaussianPolicy
+from lfobench.randomness import StepRandomness
 
 # 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lfobench.contract.method import Batch, DataNeeds, Metrics, Sizes, Stage
-from lfobench.contract.randomness import StepRandomness
+from lfobench.randomness import StepRandomness
 from methods.bc import Bc, BcConfig
 
 

@@ -26,9 +26,9 @@ from lfobench.contract.method import (
     Stage,
     Widths,
 )
-from lfobench.contract.randomness import StepRandomness
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import DeterministicPolicy, squared_error
+from lfobench.randomness import StepRandomness
 
 INVERSE_DYNAMICS = "inverse dynamics"
 

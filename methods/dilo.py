@@ -41,9 +41,9 @@ from lfobench.contract.method import (
     Termination,
     Widths,
 )
-from lfobench.contract.randomness import StepRandomness
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import DeterministicPolicy, GaussianPolicy
+from lfobench.randomness import StepRandomness
 
 # 12k steps of batch 256, what a CPU has time for. V has to climb towards 200 in them (methods.md 3.1, scale analysis),
 # hence the larger rates; what they reach is in results/reference.

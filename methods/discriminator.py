@@ -10,8 +10,8 @@ from torch import Tensor
 from torch.nn.functional import logsigmoid
 
 from lfobench.contract.method import MethodConfig, Metrics, Shapes, Sizes, Stage
-from lfobench.contract.randomness import StepRandomness
 from lfobench.nn.networks import Adam, Network
+from lfobench.randomness import StepRandomness
 
 STAGE = "discriminator"
 

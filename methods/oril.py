@@ -24,8 +24,8 @@ from lfobench.contract.method import (
     Stage,
     Widths,
 )
-from lfobench.contract.randomness import StepRandomness
 from lfobench.nn.networks import Adam, Network
+from lfobench.randomness import StepRandomness
 from methods import discriminator
 from methods.discriminator import Discriminator, DiscriminatorConfig
 

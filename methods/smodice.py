@@ -33,9 +33,9 @@ from lfobench.contract.method import (
     Stage,
     Widths,
 )
-from lfobench.contract.randomness import StepRandomness
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import TanhGaussianPolicy
+from lfobench.randomness import StepRandomness
 from methods import discriminator
 from methods.discriminator import Discriminator, DiscriminatorConfig
 

@@ -5,7 +5,7 @@ One host serves them, over plain HTTP and without checksums: ``lfobench data dow
 
 from __future__ import annotations
 
-from lfobench.contract.files import DataFile
+from lfobench.contract.suite import DataFile
 
 HOST = "http://rail.eecs.berkeley.edu/datasets/offline_rl"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lfobench.contract.files import DataFile
+from lfobench.contract.suite import DataFile
 
 
 def dataset(identifier: str, columns: int | None = None) -> DataFile:

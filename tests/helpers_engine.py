@@ -12,6 +12,9 @@ import torch
 from pydantic import Field as ConfigField
 from torch import Tensor
 
+from lfobench.cells.cell import PROTOCOLS, Cell, Protocol
+from lfobench.cells.parts import requests
+from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.method import (
     Batch,
     DataNeeds,
@@ -22,18 +25,14 @@ from lfobench.contract.method import (
     Sizes,
     Stage,
 )
-from lfobench.contract.randomness import StepRandomness
-from lfobench.contract.record import Record
 from lfobench.data.build import build, missing_shards
+from lfobench.engine.batches import StageSampler
 from lfobench.engine.job import Advance, Job, Left, Recorded, carry_out
-from lfobench.engine.sampling import StageSampler
 from lfobench.files import locked
-from lfobench.plan.cells import Cell
-from lfobench.plan.parts import requests
-from lfobench.plan.planning import Request, make_plan
-from lfobench.plan.protocol import PROTOCOLS, Protocol
+from lfobench.randomness import StepRandomness
+from lfobench.records.folder import RecordFolder, read_record
+from lfobench.records.record import Record
 from lfobench.registry import load_suite
-from lfobench.store.folder import RecordFolder, read_record
 
 TINY = str(Path(__file__).with_name("tiny_suite.py"))
 POLE_TASK = "pole-random-expert"

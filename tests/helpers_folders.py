@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from lfobench.contract.failure import Failure
-from lfobench.contract.record import Record, content_hash
-from lfobench.store.folder import FAILURE_SUFFIX, SEAL
+from lfobench.records.folder import FAILURE_SUFFIX, SEAL
+from lfobench.records.record import Failure, Record, content_hash
 
 
 def write_records(folder: Path, records: Iterable[Record]) -> Path:

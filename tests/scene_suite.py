@@ -14,8 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from lfobench.contract.episodes import Episodes, FloatArray, concatenate
-from lfobench.contract.scene import Disc, Scene
-from lfobench.contract.suite import Environment, Level, Recipe, Suite, Task
+from lfobench.contract.suite import Disc, Environment, Level, Recipe, Scene, Suite, Task
 
 STRIDE = np.array([0.10, 0.05])
 """Metres that an action of 1 moves the point along x and y."""

@@ -68,7 +68,7 @@ def test_a_neighbour_takes_no_other_package_s_place(tmp_path: Path) -> None:
             import json, numpy
             import suites.locomotion
             from methods.bc import Bc
-            import lfobench.words
+            import lfobench.text
         """,
         methods=lure,
         suites__locomotion=lure,

@@ -14,9 +14,9 @@ import pytest
 from helpers_engine import Drifting, smoke_cell
 from helpers_plugins import forget_registrations, install, method_source, use
 
+from lfobench.cells.cell import Run
+from lfobench.cells.plan import Request, make_plan
 from lfobench.errors import UserError
-from lfobench.plan.cells import Run
-from lfobench.plan.planning import Request, make_plan
 from lfobench.python_files import forget
 from lfobench.registry import load_method, method_names, package_of
 from lfobench.source_code import SESSION, check_unchanged, code_of, in_session, ships

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from lfobench.words import counted, harmless, harmless_lines, short_number, shown
+from lfobench.text import counted, harmless, harmless_lines, short_number, shown
 
 
 def test_one_is_singular() -> None:

@@ -11,9 +11,9 @@ import typer
 from lfobench.cli.console import output
 
 if TYPE_CHECKING:
-    from lfobench.contract.publication import Publication
+    from lfobench.records.publication import Publication
     from lfobench.stats.highlight import Rule
-    from lfobench.stats.names import Correction
+    from lfobench.stats.options import Correction
 
 
 _MOST_TRIALS_OF_BOSCHLOO = 1000
@@ -70,13 +70,11 @@ def audit(
 
     Example: lfobench audit dilo-2024
     """
-    from lfobench.contract.publication import TableOfMeans
-    from lfobench.render import audit as rendering
-    from lfobench.render.audit_text import Audit
-    from lfobench.render.json_audit import json_audit
-    from lfobench.stats.audit import audit_means
-    from lfobench.stats.audit_counts import CountsRule, audit_counts
-    from lfobench.store.published import read_publication
+    from lfobench.analyses import audit as rendering
+    from lfobench.analyses.audit import Audit, json_audit
+    from lfobench.records.publication import TableOfMeans
+    from lfobench.records.published import read_publication
+    from lfobench.stats.audit import CountsRule, audit_counts, audit_means
 
     rule = _rule(test, correction.value, alpha)
     counts_rule = CountsRule(count_test.value, rule.correction, rule.alpha)
@@ -104,8 +102,8 @@ def audit(
 
 def _check_trials(publication: Publication) -> None:
     """Boschloo's test looks at every pair of counts, so its memory grows with the product of the trials."""
-    from lfobench.contract.publication import TableOfCounts
     from lfobench.errors import UserError
+    from lfobench.records.publication import TableOfCounts
 
     counts = [table for table in publication.tables if isinstance(table, TableOfCounts)]
     most = max((cell.trials for table in counts for row in table.rows for cell in row.cells.values()), default=0)
@@ -118,9 +116,9 @@ def _check_trials(publication: Publication) -> None:
 
 def _rule(test: str, correction: Correction, alpha: float) -> Rule:
     from lfobench.errors import UserError, unknown_name
-    from lfobench.stats.comparison import FROM_SUMMARIES
     from lfobench.stats.highlight import Rule
-    from lfobench.stats.names import Test
+    from lfobench.stats.options import Test
+    from lfobench.stats.tests import FROM_SUMMARIES
 
     chosen = next((known for known in FROM_SUMMARIES if known == test), None)
     if chosen is None:
@@ -136,8 +134,8 @@ def _rule(test: str, correction: Correction, alpha: float) -> Rule:
 
 
 def _sizes(text: str | None, publication: Publication) -> list[int]:
-    from lfobench.contract.publication import TableOfMeans
     from lfobench.errors import UserError
+    from lfobench.records.publication import TableOfMeans
 
     if text is None:
         return []
@@ -153,8 +151,8 @@ def _sizes(text: str | None, publication: Publication) -> list[int]:
 
 
 def _methods(text: str | None, publication: Publication) -> Sequence[str]:
+    from lfobench.cells.names import split_names
     from lfobench.errors import UserError, unknown_name
-    from lfobench.plan.names import split_names
 
     if text is None:
         return ()

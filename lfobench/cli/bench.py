@@ -41,10 +41,10 @@ def bench(
 
     import torch
 
+    from lfobench.cells.names import split_names
+    from lfobench.cells.plan import choose_device
     from lfobench.errors import unknown_name
     from lfobench.files import writable_folder, write_text
-    from lfobench.plan.names import split_names
-    from lfobench.plan.planning import choose_device
     from lfobench.registry import load_benchmarks
 
     speed = load_benchmarks("speed")

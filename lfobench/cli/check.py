@@ -23,10 +23,9 @@ def check(
     """
     from rich.markup import escape
 
+    from lfobench.cells.cell import configure, load_protocol
+    from lfobench.cells.names import parse_assignments
     from lfobench.engine.method_check import check_method
-    from lfobench.plan.cells import configure
-    from lfobench.plan.names import parse_assignments
-    from lfobench.plan.protocol import load_protocol
     from lfobench.registry import load_method
 
     known = load_method(method)

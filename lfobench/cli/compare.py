@@ -55,14 +55,11 @@ def compare(
 
     Example: lfobench compare runs-before runs-after --json
     """
+    from lfobench.analyses.compare import Side, pair_folders, pair_methods, warnings_of
+    from lfobench.analyses.compare import compare as judge
+    from lfobench.analyses.compare_formats import json_contrast, terminal
     from lfobench.errors import UserError
-    from lfobench.render.contrast import compare as judge
-    from lfobench.render.contrast import warnings_of
-    from lfobench.render.json_contrast import json_contrast
-    from lfobench.render.pairing import pair_folders, pair_methods
-    from lfobench.render.rules import knobs
-    from lfobench.render.sides import Side
-    from lfobench.render.terminal_contrast import terminal
+    from lfobench.tables.counting import knobs
 
     filters = (suite, protocol, steps, source, preset)
     folders = _are_folders(first, second)

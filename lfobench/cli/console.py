@@ -18,7 +18,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
 from lfobench.errors import UserError
-from lfobench.words import harmless, harmless_lines
+from lfobench.text import harmless, harmless_lines
 
 
 class _Console(Console):

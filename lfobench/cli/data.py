@@ -30,9 +30,9 @@ def build(
 
     Example: lfobench data build locomotion --tasks 'hopper-*' --protocol quick
     """
-    from lfobench.cli.asked_data import asked_data
     from lfobench.cli.inputs import suite_and_tasks
     from lfobench.cli.progress import Terminal, stopping
+    from lfobench.data.requested import asked_data
     from lfobench.files import writable_folder
     from lfobench.processes import available_cores
     from lfobench.schedule.execution import StopRequest, build_data
@@ -70,8 +70,8 @@ def status(
     from rich.markup import escape
     from rich.table import Table
 
-    from lfobench.cli.asked_data import asked_data
     from lfobench.cli.inputs import suite_and_tasks
+    from lfobench.data.requested import asked_data
 
     asked = asked_data(*suite_and_tasks(suite, tasks), protocol, source)
     rows = asked.rows()

@@ -11,11 +11,10 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import INTERRUPTED, errors, one_line, output
-from lfobench.words import counted
+from lfobench.text import counted
 
 if TYPE_CHECKING:
-    from lfobench.data.fetching import Wanted
-    from lfobench.data.library import Library
+    from lfobench.data.library import Library, Wanted
 
 SuiteArgument = Annotated[str, typer.Argument(help="A suite's name, the path of its file, or a registered task.")]
 SourceOption = Annotated[
@@ -43,7 +42,7 @@ def download(
 
     from lfobench.cli.inputs import suite_and_tasks
     from lfobench.cli.progress import display
-    from lfobench.data.fetching import adopt, bring
+    from lfobench.data.library import adopt, bring
     from lfobench.errors import UserError
 
     library, needed = library_here(), wanted_of(*suite_and_tasks(suite, tasks), source)
@@ -137,7 +136,7 @@ def remove(
     Example: lfobench data rm locomotion --source d4rl
     """
     from lfobench.cli.inputs import suite_and_tasks
-    from lfobench.data.fetching import forget, known
+    from lfobench.data.library import forget, known
 
     library = library_here()
     here = [each for each in wanted_of(*suite_and_tasks(suite, tasks), source, every=True) if known(library, each)]
@@ -163,9 +162,9 @@ def library_here() -> Library:
 
 def wanted_of(suite: str, tasks: str | None, source: str | None, every: bool = False) -> list[Wanted]:
     """Files of the chosen tasks; without a source, of the suite's first one, or of `every` one."""
-    from lfobench.data.fetching import wanted_files
+    from lfobench.cells.names import chosen_tasks
+    from lfobench.data.library import wanted_files
     from lfobench.errors import UserError, unknown_name
-    from lfobench.plan.names import chosen_tasks
     from lfobench.registry import load_suite
 
     loaded = load_suite(suite)

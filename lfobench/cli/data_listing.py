@@ -14,9 +14,8 @@ from lfobench.cli.console import one_line, output, print_json
 from lfobench.cli.data_files import AnySource, library_here, wanted_of
 
 if TYPE_CHECKING:
-    from lfobench.contract.files import DataFile
-    from lfobench.data.fetching import Wanted
-    from lfobench.data.library import Library
+    from lfobench.contract.suite import DataFile
+    from lfobench.data.library import Library, Wanted
 
 
 def list_files(
@@ -65,9 +64,9 @@ def _everywhere(tasks: str | None, source: str | None) -> list[tuple[str, str | 
     """
     from fnmatch import fnmatchcase
 
+    from lfobench.cells.names import split_names
     from lfobench.cli.inputs import registered_suites
     from lfobench.errors import unknown_name
-    from lfobench.plan.names import split_names
 
     globs = ["*"] if tasks is None else split_names(tasks)
     found: list[tuple[str, str | None]] = []

@@ -12,7 +12,7 @@ from lfobench.cli.console import output, print_json
 from lfobench.errors import UserError, unknown_name
 
 if TYPE_CHECKING:
-    from lfobench.contract.diagnosis import Diagnosis
+    from lfobench.data.doctor import Diagnosis
 
 
 def doctor(
@@ -75,12 +75,11 @@ def _suite_of(subject: str, suite: str) -> str | None:
 
 
 def _of_file(file: Path, horizon: int | None, to: Path | None, keys: str | None) -> dict[str, Diagnosis]:
+    from lfobench.cells.sources import split_keys
     from lfobench.data.isolated import examine_file
     from lfobench.files import replacing
-    from lfobench.plan.sources import split_keys
-    from lfobench.render.plots.episodes import episodes
-    from lfobench.render.plots.figure import format_of
-    from lfobench.render.plots.style import WIDTHS
+    from lfobench.plots.episodes import episodes
+    from lfobench.plots.figure import WIDTHS, format_of
 
     format_name = None if to is None else format_of(to)
     found = examine_file(file, horizon, None if keys is None else split_keys(keys))
@@ -93,8 +92,8 @@ def _of_file(file: Path, horizon: int | None, to: Path | None, keys: str | None)
 
 def _of_task(name: str, suite: str, protocol: str, source: str) -> tuple[dict[str, Diagnosis], tuple[int, int]]:
     """Both parts, and how many expert rows of how many the offline part holds too."""
-    from lfobench.cli.asked_data import asked_data
     from lfobench.data.doctor import diagnose_part, rows_inside
+    from lfobench.data.requested import asked_data
 
     asked = asked_data(suite, name, protocol, source)
     (task,) = asked.tasks
@@ -105,7 +104,7 @@ def _of_task(name: str, suite: str, protocol: str, source: str) -> tuple[dict[st
 
 
 def _show(found: dict[str, Diagnosis], inside: tuple[int, int] | None) -> None:
-    from lfobench.render.diagnosis import diagnosis
+    from lfobench.analyses.diagnosis import diagnosis
 
     for name, each in found.items():
         for part in diagnosis(each, name):

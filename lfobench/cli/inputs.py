@@ -10,8 +10,8 @@ from lfobench.cli.console import errors, one_line
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from lfobench.contract.record import Warning
-    from lfobench.plan.planning import Request
+    from lfobench.cells.plan import Request
+    from lfobench.records.record import Warning
     from lfobench.registry import Suites
 
 
@@ -30,7 +30,7 @@ def request(
     grid: list[str] | None = None,
 ) -> Request:
     """The options that ``run`` and ``why`` share, as one value."""
-    from lfobench.plan.planning import Request
+    from lfobench.cells.plan import Request
 
     return Request(
         methods,

@@ -106,7 +106,7 @@ def _tasks(suite: str) -> list[dict[str, Any]]:
 
 
 def _protocols() -> list[dict[str, Any]]:
-    from lfobench.plan.protocol import PROTOCOLS
+    from lfobench.cells.cell import PROTOCOLS
 
     return [{"name": protocol.name, "summary": protocol.summary} for protocol in PROTOCOLS.values()]
 

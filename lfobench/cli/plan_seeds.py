@@ -39,13 +39,11 @@ def plan(
 
     Example: lfobench plan --out runs --effect 10 --seeds 5 --methods dilo,smodice
     """
+    from lfobench.analyses.power import plan_seeds, read_pilot
+    from lfobench.analyses.power_formats import json_planning, terminal
     from lfobench.errors import UserError
-    from lfobench.render.json_planning import json_planning
-    from lfobench.render.pilot import read_pilot
-    from lfobench.render.planning import plan_seeds
-    from lfobench.render.rules import knobs
-    from lfobench.render.terminal_planning import terminal
-    from lfobench.stats.planning import Design
+    from lfobench.stats.power import Design
+    from lfobench.tables.counting import knobs
 
     chosen = selection.select_records(out, suite, protocol, steps, source, preset, methods)
     if not chosen.records:

@@ -11,14 +11,14 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from lfobench.cells.cell import Protocol
+from lfobench.cells.sources import absent_files
 from lfobench.cli.console import duration, output
 from lfobench.cli.inputs import warn
 from lfobench.contract.environment import ActionBox
 from lfobench.contract.suite import Task
-from lfobench.plan.protocol import Protocol
-from lfobench.plan.sources import absent_files
-from lfobench.schedule.agenda import Agenda, Forecast, Needs
-from lfobench.words import counted
+from lfobench.schedule.jobs import Agenda, Forecast, Needs
+from lfobench.text import counted
 
 
 def show(agenda: Agenda, expected: Forecast, out: Path) -> None:

@@ -72,10 +72,9 @@ def plot(
     from lfobench.cli import scene
     from lfobench.errors import UserError
     from lfobench.files import replacing
-    from lfobench.render.plots.figure import format_of
-    from lfobench.render.plots.kinds import draw
-    from lfobench.render.plots.style import WIDTHS
-    from lfobench.render.rules import knobs
+    from lfobench.plots.figure import WIDTHS, format_of
+    from lfobench.plots.kinds import draw
+    from lfobench.tables.counting import knobs
 
     wanted = scene.View(view, tasks, seed, episodes)
     above = scene.kind_of(kind, wanted)

@@ -13,14 +13,14 @@ from rich.text import Text
 
 from lfobench.cli.console import INTERRUPTED, LEFT, duration, errors, one_line
 from lfobench.cli.inputs import warn
-from lfobench.contract.record import Warning, usable
 from lfobench.data.build import ImportJob, ShardJob
 from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance
-from lfobench.executors.events import Ended, Event
-from lfobench.schedule.agenda import Agenda, Forecast
+from lfobench.records.record import Warning, usable
 from lfobench.schedule.execution import StopRequest, Watcher, carry_out_agenda
-from lfobench.words import counted, short_number
+from lfobench.schedule.executors import Ended, Event
+from lfobench.schedule.jobs import Agenda, Forecast
+from lfobench.text import counted, short_number
 
 LOG_SECONDS = 60.0
 

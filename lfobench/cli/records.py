@@ -9,8 +9,7 @@ from lfobench.cli.console import one_line, output, print_json
 from lfobench.cli.inputs import choices_in, request, warn
 
 if TYPE_CHECKING:
-    from lfobench.contract.failure import Failure
-    from lfobench.contract.record import Record
+    from lfobench.records.record import Failure, Record
 
 
 ENDS = ("finished", "diverged", "crashed")
@@ -24,9 +23,8 @@ def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False
     """
     from bisect import insort
 
-    from lfobench.render.layout import Section, aligned
-    from lfobench.store.failures import read_failures
-    from lfobench.store.folder import RecordFolder
+    from lfobench.records.folder import RecordFolder, read_failures
+    from lfobench.tables.exporters.terminal import Section, aligned
 
     folder = RecordFolder(out)
     read = folder.read_all()
@@ -80,9 +78,8 @@ def why(
     """
     from lfobench.data.source import declared_fingerprints
     from lfobench.files import cache_folder
-    from lfobench.schedule.agenda import resolve
-    from lfobench.store.explain import explain
-    from lfobench.store.folder import RecordFolder, read_folder
+    from lfobench.records.folder import RecordFolder, explain, read_folder
+    from lfobench.schedule.jobs import resolve
 
     wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
     plan = resolve(wanted, choices_in(out, tuned, grid))
@@ -109,7 +106,7 @@ def _variant(record: Record | Failure) -> str:
 
     For example ``released, tuned tau=2 mixture=0.5, discount=0.9, code 1a2b3c4``.
     """
-    from lfobench.contract.identity import code_version
+    from lfobench.records.record import code_version
 
     code = code_version(record.identity)
     tuned, assigned = record.identity.get("tuned", {}), record.identity.get("set", {})

@@ -37,9 +37,9 @@ def report(
     from datetime import UTC, datetime
 
     from lfobench.files import write_text
-    from lfobench.render.report.page import TITLE
-    from lfobench.render.report.page import report as render
-    from lfobench.render.rules import knobs
+    from lfobench.html_report.page import TITLE
+    from lfobench.html_report.page import report as render
+    from lfobench.tables.counting import knobs
 
     selected = selection.select_records(out, suite, protocol, steps, source, preset, methods)
     scored, rule = knobs(selected.records, statistic, test, scope, correction, alpha)

@@ -42,11 +42,11 @@ def run(
 
     from lfobench.cli import planned
     from lfobench.cli.progress import carry_out
-    from lfobench.schedule.agenda import resolve
+    from lfobench.records.folder import ASIDE, read_folder
     from lfobench.schedule.execution import remove_checkpoints_of_the_finished
-    from lfobench.schedule.packing import arranged
-    from lfobench.store.folder import ASIDE, read_folder
-    from lfobench.words import counted
+    from lfobench.schedule.jobs import resolve
+    from lfobench.schedule.machine import arranged
+    from lfobench.text import counted
 
     wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
     plan = resolve(wanted, choices_in(out, tuned, grid))

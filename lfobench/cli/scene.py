@@ -10,25 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.api import Selection
-from lfobench.cli.trained import of_seed, outcomes_of, policy_of, scene_of, starts_of, traces_of
-from lfobench.contract.record import Record
+from lfobench.cells.cell import load_protocol
+from lfobench.cells.names import select_tasks, split_names
+from lfobench.cells.parts import build_command
 from lfobench.contract.suite import Suite, Task
-from lfobench.data.source import load_task
-from lfobench.data.strokes import demonstrated_strokes
+from lfobench.data.source import demonstrated_strokes, load_task
+from lfobench.engine.trained import of_seed, outcomes_of, policy_of, scene_of, starts_of, traces_of
 from lfobench.errors import UserError, unknown_name
 from lfobench.files import cache_folder
-from lfobench.plan.names import select_tasks, split_names
-from lfobench.plan.parts import build_command
-from lfobench.plan.protocol import load_protocol
+from lfobench.plots.figure import PaperFigure
+from lfobench.plots.kinds import PLOTS
+from lfobench.plots.paths import Demonstrated, Field, Hit, RolledOut, field, field_points, hitting, paths
+from lfobench.records.record import Record
 from lfobench.registry import load_suite, load_suites, suite_names
-from lfobench.render.columns import arrange_columns
-from lfobench.render.plots.figure import PaperFigure
-from lfobench.render.plots.kinds import PLOTS
-from lfobench.render.plots.scene.field import Field, field, field_points
-from lfobench.render.plots.scene.hitting import Hit, hitting
-from lfobench.render.plots.scene.paths import Demonstrated, RolledOut, paths
-from lfobench.render.rules import knobs
-from lfobench.render.table import Table
+from lfobench.tables.comparable import arrange_columns
+from lfobench.tables.counting import knobs
+from lfobench.tables.table import Table
 
 VIEWS = ("paths", "field", "hitting")
 POSITION = slice(0, 2)

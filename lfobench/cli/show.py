@@ -15,8 +15,8 @@ from lfobench.cli.ls import Kind, first_line, list_names
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
+    from lfobench.cells.cell import Protocol
     from lfobench.contract.method import Method
-    from lfobench.plan.protocol import Protocol
 
 
 def show(
@@ -30,9 +30,9 @@ def show(
 
     Example: lfobench show dilo
     """
+    from lfobench.cells.cell import PROTOCOLS
     from lfobench.cli.inputs import registered_suites
     from lfobench.errors import unknown_name
-    from lfobench.plan.protocol import PROTOCOLS
     from lfobench.registry import is_place, load_method, load_suite, method_names, suite_names
 
     loaded = load_suite(suite)
@@ -116,10 +116,10 @@ def _takes(field: FieldInfo) -> str:
 def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: bool) -> None:
     from rich.markup import escape
 
+    from lfobench.cells.sources import absent_files, download_command
     from lfobench.cli import planned
-    from lfobench.cli.asked_data import asked_data
     from lfobench.data.manifest import manifest
-    from lfobench.plan.sources import absent_files, download_command
+    from lfobench.data.requested import asked_data
 
     asked = asked_data(suite, name, protocol_name, source)
     (task,), protocol = asked.tasks, asked.protocol

@@ -69,8 +69,8 @@ def table(
     Example: lfobench table --out runs --format latex > table.tex
     """
     from lfobench import api
-    from lfobench.render.formats import export
-    from lfobench.render.terminal import terminal
+    from lfobench.tables.exporters.formats import export
+    from lfobench.tables.exporters.terminal import terminal
 
     if outcomes:
         _check_outcomes(context, format_name)
@@ -90,7 +90,7 @@ def table(
 def _check_outcomes(context: typer.Context, format_name: Format) -> None:
     """Refuse what plays no part in outcomes, before anything is read."""
     from lfobench.errors import UserError
-    from lfobench.render.outcome_formats import check_format
+    from lfobench.tables.outcomes import check_format
 
     for name, option in _OF_NUMBERS.items():
         if (source := context.get_parameter_source(name)) is not None and source.name == "COMMANDLINE":
@@ -100,7 +100,7 @@ def _check_outcomes(context: typer.Context, format_name: Format) -> None:
 
 
 def _print_outcomes(selected: Selection, format_name: Format) -> None:
-    from lfobench.render.outcome_formats import export_outcomes, terminal_outcomes
+    from lfobench.tables.outcomes import export_outcomes, terminal_outcomes
 
     found = selected.outcomes()
     if format_name is Format.terminal:

@@ -13,10 +13,10 @@ from lfobench.cli.inputs import request
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lfobench.plan.planning import Plan
-    from lfobench.plan.tuning import Search
-    from lfobench.store.folder import RecordFolder, RecordsRead
-    from lfobench.store.tuning import Choice, TuningFolder
+    from lfobench.cells.plan import Plan
+    from lfobench.cells.tuning import Search
+    from lfobench.records.folder import RecordFolder, RecordsRead
+    from lfobench.records.tuning import Choice, TuningFolder
 
 SEEDS = "1000"
 """Of the trials: not among those of any table, unless asked for."""
@@ -57,13 +57,13 @@ def tune(
     """
     from dataclasses import replace
 
+    from lfobench.cells.tuning import searches
     from lfobench.cli import planned
     from lfobench.cli.progress import carry_out
     from lfobench.files import remove_leftovers
-    from lfobench.plan.tuning import searches
-    from lfobench.schedule.agenda import resolve
-    from lfobench.schedule.packing import arranged
-    from lfobench.store.tuning import TuningFolder
+    from lfobench.records.tuning import TuningFolder
+    from lfobench.schedule.jobs import resolve
+    from lfobench.schedule.machine import arranged
 
     named = methods if methods is not None else _all_with_grids(suite, tasks, grid or ())
     wanted = request(named, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
@@ -93,9 +93,9 @@ def tune(
 
 def _all_with_grids(suite: str, tasks: str | None, grids: Sequence[str]) -> str:
     """The methods that ``--grid`` names, or else any of the tasks declares a grid for, as ``--methods`` takes them."""
+    from lfobench.cells.names import chosen_tasks
+    from lfobench.cells.tuning import methods_with_grids
     from lfobench.errors import UserError
-    from lfobench.plan.names import chosen_tasks
-    from lfobench.plan.tuning import methods_with_grids
     from lfobench.registry import load_suite
 
     if grids:
@@ -112,7 +112,7 @@ def _all_with_grids(suite: str, tasks: str | None, grids: Sequence[str]) -> str:
 
 def _finished(trials: RecordFolder, plan: Plan) -> RecordsRead:
     """The trials that are there; as results, they would not be read at all."""
-    from lfobench.store.folder import RecordsRead
+    from lfobench.records.folder import RecordsRead
 
     return RecordsRead([record for run in plan.runs if (record := trials.find(run)) is not None])
 
@@ -121,7 +121,7 @@ def _choose(
     folder: TuningFolder, found: Sequence[Search], starts: int, seeds: Sequence[int]
 ) -> list[tuple[Search, Choice]]:
     """The choices whose trials are all there, each written unless it is already."""
-    from lfobench.store.tuning import choose
+    from lfobench.records.tuning import choose
 
     choices = []
     for search in found:
@@ -149,7 +149,7 @@ def _show(choices: Sequence[tuple[Search, Choice]], folder: TuningFolder) -> Non
     from rich.markup import escape
     from rich.table import Table
 
-    from lfobench.words import short_number
+    from lfobench.text import short_number
 
     table = Table(title="Choices", title_style="bold")
     for header in ("task", "method", "chosen", "score", "of all trials"):

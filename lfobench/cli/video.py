@@ -37,13 +37,12 @@ def video(
 
     Example: lfobench video dilo dynamic-hitting-400-expert-hit --out runs --episode 0 --to hit.gif
     """
-    from lfobench.cli.trained import of_seed, outcomes_of, scene_of, starts_of, suite_of, traces_of
+    from lfobench.cells.names import select_tasks
+    from lfobench.engine.trained import of_seed, outcomes_of, scene_of, starts_of, suite_of, traces_of
     from lfobench.errors import UserError, unknown_name
     from lfobench.files import replacing, writable_folder
-    from lfobench.plan.names import select_tasks
+    from lfobench.plots.film import Film, movie_format, write_movie
     from lfobench.registry import is_place, load_method
-    from lfobench.render.plots.scene.film import Film
-    from lfobench.render.plots.scene.movie import movie_format, write_movie
 
     format_name = movie_format(to)
     method = load_method(method).name if is_place(method) else method

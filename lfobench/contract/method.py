@@ -24,7 +24,7 @@ import torch
 from pydantic import BaseModel, ConfigDict, PositiveInt, Strict
 from torch import Tensor
 
-from lfobench.contract.randomness import StepRandomness
+from lfobench.randomness import StepRandomness
 
 Field = Literal[
     "observation",

@@ -18,9 +18,9 @@ from torch import Tensor
 
 from lfobench.contract.episodes import IntArray
 from lfobench.contract.method import Batch, DataNeeds, Field, Method, Shapes, Sizes
-from lfobench.contract.randomness import Randomness
 from lfobench.data.boundaries import Rows
 from lfobench.data.mixing import Mixture, ObservationTransform
+from lfobench.randomness import Randomness
 
 Column = tuple[Tensor, Tensor | None]
 

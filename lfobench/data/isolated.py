@@ -22,15 +22,13 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from lfobench.contract.diagnosis import Diagnosis
+from lfobench.cells.parts import FilePart
 from lfobench.data.cache import PartCache
-from lfobench.data.doctor import diagnose
-from lfobench.data.readers.checks import check, with_columns
+from lfobench.data.doctor import Diagnosis, diagnose
 from lfobench.data.readers.formats import read, sha256
 from lfobench.data.readers.hdf5 import OTHER, FileProblem
-from lfobench.data.readers.keys import Keys
+from lfobench.data.readers.reading import Keys, check, with_columns
 from lfobench.errors import UserError
-from lfobench.plan.file_parts import FilePart
 
 REFUSED, FAILED = 3, 4
 SECONDS = 1_800.0

@@ -20,11 +20,11 @@ from torch import Tensor
 
 from lfobench.contract.episodes import BoolArray, IntArray
 from lfobench.contract.method import DataNeeds, Method, Trajectories
-from lfobench.contract.randomness import Randomness
-from lfobench.contract.record import content_hash
 from lfobench.data.boundaries import Rows
 from lfobench.data.mixing import Mixture
 from lfobench.errors import UserError
+from lfobench.randomness import Randomness
+from lfobench.records.record import content_hash
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
 
 FORMAT = 1

@@ -10,7 +10,7 @@ from lfobench.contract.episodes import Episodes
 from lfobench.contract.method import DataNeeds, Field
 from lfobench.data import boundaries
 from lfobench.data.source import TaskData
-from lfobench.words import counted
+from lfobench.text import counted
 
 
 @dataclass(frozen=True)

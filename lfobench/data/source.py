@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lfobench.contract.episodes import Episodes
+from lfobench.cells.parts import PartRequest, requests
+from lfobench.contract.episodes import Episodes, FloatArray
 from lfobench.contract.method import DataNeeds
-from lfobench.contract.record import Counts
 from lfobench.contract.suite import Recipe, Suite, Task
 from lfobench.data.cache import PartCache
 from lfobench.data.mixing import Mixture, mix
 from lfobench.errors import UserError
-from lfobench.plan.parts import PartRequest, requests
+from lfobench.records.record import Counts
 
 
 @dataclass(frozen=True)
@@ -133,3 +133,26 @@ def _check_actions(task: Task, recipe: Recipe, offline: Episodes, expert: Episod
                 "Mend its suite: an offline part needs them, and an expert part too unless its recipe says "
                 "expert_actions=False.",
             )
+
+
+def demonstrated_strokes(data: TaskData, columns: slice) -> list[FloatArray]:
+    """Lines ``[T + 1, 2]`` through the observed expert transitions, raw; of sampled ones each is a line of its own.
+
+    Args:
+        data: of the task.
+        columns: two of the observation's.
+    """
+    needs = DataNeeds(
+        offline=("observation",),
+        expert=("observation", "next_observation"),
+        boundary="exact",
+        termination="zero",
+    )
+    rows = data.mixture(needs).expert
+    # The mixture's own observations may be standardised; its rows count through both parts, end to end.
+    positions = np.concatenate([part.observations[:, columns] for part in (data.offline, data.expert)])
+    breaks = np.flatnonzero(rows.next_observation[:-1] != rows.observation[1:]) + 1
+    return [
+        np.concatenate([positions[rows.observation[part]], positions[rows.next_observation[part[-1:]]]])
+        for part in np.split(np.arange(len(rows)), breaks)
+    ]

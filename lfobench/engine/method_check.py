@@ -22,11 +22,9 @@ from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from lfobench.contract.method import DataNeeds, Method, Metrics, Shapes, Stage, Trajectories
-from lfobench.contract.randomness import Randomness
 from lfobench.data.firewall import FirewallError, View, check_declaration
-from lfobench.engine.draws import RunningStep
+from lfobench.engine.batches import RunningStep, StageSampler
 from lfobench.engine.probe import random_view
-from lfobench.engine.sampling import StageSampler
 from lfobench.engine.state import (
     CPU,
     MethodState,
@@ -38,6 +36,7 @@ from lfobench.engine.state import (
     state_layout,
 )
 from lfobench.errors import UserError
+from lfobench.randomness import Randomness
 from lfobench.registry import declaration_faults
 
 SHAPES = Shapes(observation=11, action=3)

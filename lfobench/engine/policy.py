@@ -11,14 +11,14 @@ from pydantic import ValidationError
 
 from lfobench.contract.episodes import FloatArray
 from lfobench.contract.method import Method, Shapes
-from lfobench.contract.record import Record
 from lfobench.data.firewall import View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.state import CPU, MethodState, SeedState, StateError
 from lfobench.errors import UserError
+from lfobench.records.folder import RecordFolder
+from lfobench.records.record import Record
 from lfobench.registry import load_method
 from lfobench.source_code import code_of
-from lfobench.store.folder import RecordFolder
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
 
 SHIFT, SCALE = "observation transform: shift", "observation transform: scale"

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 
 import lfobench
-from lfobench.plan.precision import Precision, effective
+from lfobench.cells.cell import Precision, effective
 
 PACKAGES = ("torch", "numpy", "gymnasium", "mujoco", "scipy", "lfobench")
 

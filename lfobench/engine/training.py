@@ -14,21 +14,20 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from lfobench.cells.cell import Cell
 from lfobench.contract.method import Method, Stage
-from lfobench.contract.randomness import Randomness
-from lfobench.contract.record import Evaluation, Warning
 from lfobench.data.firewall import View
 from lfobench.engine import checkpoint
+from lfobench.engine.batches import check_tables
 from lfobench.engine.checkpoint import Checkpoint, Progress, joined
 from lfobench.engine.evaluation import Evaluator, fixed_starts, further_starts
 from lfobench.engine.evaluation_workers import EvaluationWorkers
-from lfobench.engine.noting import mark_diverged, note_evaluation, note_further, note_metrics
-from lfobench.engine.precision import precision_warnings
-from lfobench.engine.program import Program, recorder_for
-from lfobench.engine.sampling import check_tables
+from lfobench.engine.logging import mark_diverged, note_evaluation, note_further, note_metrics
+from lfobench.engine.program import Program, precision_warnings, recorder_for
 from lfobench.engine.state import CPU, MethodState
 from lfobench.errors import UserError
-from lfobench.plan.cells import Cell
+from lfobench.randomness import Randomness
+from lfobench.records.record import Evaluation, Warning
 
 CHECKPOINT_SECONDS = 120.0
 EVENT_SECONDS = 0.5

@@ -17,8 +17,8 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from lfobench.contract.randomness import Randomness
 from lfobench.nn.perceptron import Activation, Layout, Parameters, Pass, composed, evaluated
+from lfobench.randomness import Randomness
 
 Initialization = Literal["torch", "xavier"]
 

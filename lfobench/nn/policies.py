@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from lfobench.contract.method import Metrics, Shapes
-from lfobench.contract.randomness import StepRandomness
 from lfobench.nn.networks import Adam, Network, SeedVector
+from lfobench.randomness import StepRandomness
 
 _HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 

@@ -14,27 +14,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
+from lfobench.cells.cell import Cell
+from lfobench.cells.parts import build_command
+from lfobench.cells.sources import check_here, spelled
 from lfobench.contract.method import Method, Shapes
-from lfobench.contract.record import Warning
 from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
-from lfobench.data.remarks import check_parts, remarks
+from lfobench.data.doctor import check_parts, remarks
 from lfobench.data.source import load_task
 from lfobench.engine.job import Job, Left, Recorded, carry_out
 from lfobench.engine.method_check import require_sound
 from lfobench.errors import UserError
-from lfobench.executors.local import in_sequence
-from lfobench.executors.lanes import in_threads
-from lfobench.executors.pool import in_processes
-from lfobench.executors.events import Ended, Event
 from lfobench.files import Held, is_held, locked, remove_leftovers, writable_folder
-from lfobench.plan.cells import Cell
-from lfobench.plan.parts import build_command
-from lfobench.plan.sources import check_here, spelled
-from lfobench.schedule.agenda import Agenda, Forecast
+from lfobench.records.folder import RecordFolder, write_failure
+from lfobench.records.record import Warning
+from lfobench.schedule.executors import Ended, Event, in_processes, in_sequence, in_threads
+from lfobench.schedule.jobs import Agenda, Forecast
 from lfobench.source_code import ships
-from lfobench.store.failures import write_failure
-from lfobench.store.folder import RecordFolder
 
 WAIT_SECONDS = 1.0
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from lfobench.contract.publication import (
+from lfobench.records.publication import (
     PrintedCell,
     PrintedCount,
     PrintedMean,

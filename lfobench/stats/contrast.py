@@ -17,16 +17,23 @@ from typing import Generic, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from lfobench.stats.aggregates import interquartile_statistic, probability_of_improvement
-from lfobench.stats.bootstrap import REPLICATES, Counts, Strata, Values, bootstrap, percentile_interval, strata
-from lfobench.stats.comparison import PAIRED, margin, p_value, without_spread
-from lfobench.stats.correction import adjusted
-from lfobench.stats.feasibility import can_reach, smallest_p
-from lfobench.stats.highlight import Rule
+from lfobench.stats.aggregates import (
+    REPLICATES,
+    Counts,
+    Strata,
+    Values,
+    bootstrap,
+    interquartile_statistic,
+    percentile_interval,
+    probability_of_improvement,
+    strata,
+)
+from lfobench.stats.highlight import Rule, adjusted
 from lfobench.stats.intervals import Estimate, Interval, check_probability, welch_interval
-from lfobench.stats.names import HighlightTest, Verdict
-from lfobench.stats.proportions import newcombe_interval
-from lfobench.stats.sample import Sample, counted
+from lfobench.stats.options import HighlightTest, Verdict
+from lfobench.stats.power import can_reach, smallest_p
+from lfobench.stats.successes import newcombe_interval
+from lfobench.stats.tests import PAIRED, Sample, counted, margin, p_value, without_spread
 
 Key = TypeVar("Key", bound=Hashable)
 

@@ -14,10 +14,27 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Generic, Literal, TypeVar
 
-from lfobench.stats.comparison import margin, p_value, without_spread
-from lfobench.stats.correction import adjusted
-from lfobench.stats.names import Correction, HighlightTest, Scope
-from lfobench.stats.sample import Sample, counted
+import numpy as np
+
+from lfobench.stats.options import Correction, HighlightTest, Scope
+from lfobench.stats.tests import Sample, counted, margin, p_value, without_spread
+
+
+def adjusted(p_values: Sequence[float], correction: Correction) -> list[float]:
+    """Adjusted p-values ``[m]``, in the order given; rejecting those below alpha is the procedure at level alpha."""
+    p = np.asarray(p_values, dtype=np.float64)
+    if correction == "none" or p.size == 0:
+        return [float(value) for value in p]
+    order = np.argsort(p, kind="stable")
+    ranks = np.arange(1, p.size + 1)
+    if correction == "holm":
+        stepped = np.maximum.accumulate(p[order] * (p.size - ranks + 1))
+    else:
+        stepped = np.minimum.accumulate((p[order] * p.size / ranks)[::-1])[::-1]
+    result = np.empty_like(p)
+    result[order] = np.minimum(stepped, 1.0)
+    return [float(value) for value in result]
+
 
 Method = TypeVar("Method", bound=Hashable)
 

@@ -9,9 +9,57 @@ References:
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lfobench.stats.summary import Summary, difference
+from lfobench.records.score import mean, tie
+from lfobench.stats.options import Agreement
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Mean and spread of `n` samples, in the samples' unit.
+
+    Attributes:
+        n: number of samples, at least 1.
+        mean: their arithmetic mean.
+        std: their sample standard deviation (ddof 1), or None for a single sample. One sample carries no
+            information about spread, and a printed "± 0" would claim that it does.
+    """
+
+    n: int
+    mean: float
+    std: float | None
+
+
+def difference(first: Summary, second: Summary) -> float:
+    """Mean of the first minus mean of the second; 0 where they are level."""
+    between = first.mean - second.mean
+    return 0.0 if abs(between) <= tie((first.mean, second.mean, first.std or 0.0, second.std or 0.0)) else between
+
+
+def summarize(samples: Sequence[float], level: float | None = None) -> Summary:
+    """The summary of finite samples ``[n]``, one per seed, from exact sums: their order plays no part.
+
+    Samples no further apart than `level`, by default their own `tie`, have no spread.
+
+    Raises:
+        ValueError: there is no sample, one is not finite, or they are too far apart for floating-point numbers.
+    """
+    if not samples or not all(map(math.isfinite, samples)):
+        raise ValueError(f"A summary needs at least one sample, all finite; got {list(samples)}.")
+    centre = mean(samples)
+    if len(samples) == 1:
+        return Summary(1, centre, None)
+    if max(samples) - min(samples) <= (tie(samples) if level is None else level):
+        return Summary(len(samples), centre, 0.0)
+    deviations = [sample - centre for sample in samples]
+    # In units of the largest, squares neither overflow nor vanish.
+    unit = max(map(abs, deviations))
+    std = unit * math.sqrt(math.fsum((each / unit) ** 2 for each in deviations) / (len(samples) - 1))
+    if not math.isfinite(std):
+        raise ValueError(f"The samples lie too far apart to be summarized: {min(samples):g} to {max(samples):g}.")
+    return Summary(len(samples), centre, std)
 
 
 @dataclass(frozen=True)
@@ -104,3 +152,58 @@ def around(centre: float, standard_error: float, degrees: float, level: float) -
 
     half_width = float(t.isf((1.0 - level) / 2.0, degrees)) * standard_error
     return Interval(centre - half_width, centre + half_width, level)
+
+
+@dataclass(frozen=True)
+class EquivalenceResult:
+    """Whether two means agree within a margin.
+
+    Attributes:
+        difference: first mean minus second.
+        interval: of the difference at level 1 - 2α, which lies inside the margin exactly when p < α; None when a
+            side has fewer than two samples.
+        p: the larger p-value of the two one-sided tests, or None as above. Small means equivalent.
+        agreement: `matches`: the difference is shown to be smaller than the margin; `differs`: the means are shown
+            to differ, and not to match; `undecided`: neither is shown.
+    """
+
+    difference: float
+    interval: Interval | None
+    p: float | None
+    agreement: Agreement
+
+
+def equivalence_test(first: Summary, second: Summary, margin: float, alpha: float = 0.05) -> EquivalenceResult:
+    """Tests that two means differ by less than `margin`, in the samples' unit; variances may differ.
+
+    A difference that is significant and yet shown to be smaller than the margin `matches`: the margin says which
+    differences are worth a word. Without any spread on both sides the limit of a shrinking spread decides: p is 0
+    inside the margin, 1 outside, 1/2 on it.
+
+    Raises:
+        ValueError: the margin is not positive and finite, or α is not between 0 and 1/2.
+    """
+    check_probability("2 alpha", 2.0 * alpha)
+    if not 0.0 < margin < math.inf:
+        raise ValueError(f"A margin is positive and finite; got {margin}.")
+    apart = difference(first, second)
+    interval = welch_interval(first, second, 1.0 - alpha)
+    if first.std is None or second.std is None or interval is None:
+        return EquivalenceResult(apart, None, None, "undecided")
+    standard_error, degrees = satterthwaite(first.std, first.n, second.std, second.n)
+    p = _larger_p(margin - abs(apart), standard_error, degrees)
+    agreement: Agreement = "undecided"
+    if p < alpha:
+        agreement = "matches"
+    elif not interval.low <= 0.0 <= interval.high:
+        agreement = "differs"
+    return EquivalenceResult(apart, around(apart, standard_error, degrees, 1.0 - 2.0 * alpha), p, agreement)
+
+
+def _larger_p(room: float, standard_error: float, degrees: float) -> float:
+    """The p-value of the one-sided test whose bound is nearer, `room` away from the difference."""
+    if standard_error == 0.0:
+        return 0.5 if room == 0.0 else float(room < 0.0)
+    from scipy.stats import t
+
+    return float(t.sf(room / standard_error, degrees))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.stats.intervals import Estimate
-from lfobench.stats.proportions import wilson_interval
+from lfobench.stats.successes import wilson_interval
 
 
 def false_highlight_rate(

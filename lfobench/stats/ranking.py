@@ -16,9 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lfobench.contract.statistic import tie
+from lfobench.records.score import tie
 from lfobench.stats.intervals import check_probability
-from lfobench.stats.permutation import levels
+from lfobench.stats.tests import levels
 
 
 def average_ranks(scores: NDArray[np.float64]) -> NDArray[np.float64]:

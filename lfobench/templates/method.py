@@ -13,8 +13,8 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from lfobench.contract.method import Batch, DataNeeds, Method, MethodConfig, Metrics, Shapes
-from lfobench.contract.randomness import StepRandomness
 from lfobench.nn.modules import PerSeed
+from lfobench.randomness import StepRandomness
 
 
 class MineConfig(MethodConfig):

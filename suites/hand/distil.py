@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 
+from lfobench.cells.parts import specification
 from lfobench.contract.episodes import Episodes, concatenate
 from lfobench.contract.suite import Task
-from lfobench.data.generated import roll_out
+from lfobench.data.build import roll_out
 from lfobench.errors import UserError, unknown_name
-from lfobench.plan.parts import specification
 from suites.adroit import GENERATED, SUITE
 from suites.demonstrators.card import LIBRARIES, make_card, make_student_card, shortfall
 from suites.demonstrators.dagger import Settings, distil

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lfobench.contract.episodes import FloatArray
-from lfobench.contract.scene import Disc, Scene
+from lfobench.contract.suite import Disc, Scene
 from suites.robot import constants
 
 SAFE = ("safe-manipulation", "safe-manipulation-cross-embodiment")

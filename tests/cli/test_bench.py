@@ -43,7 +43,7 @@ def test_one_section_is_kept_in_a_file_of_the_machine(
 ) -> None:
     monkeypatch.setattr("benchmarks.speed.Speed.rounds", 1)
     monkeypatch.setattr("benchmarks.built_task.SHARD_TRANSITIONS", 1000)
-    monkeypatch.setattr("lfobench.plan.parts.PartSpecification.shards_for", lambda part, transitions: 3)
+    monkeypatch.setattr("lfobench.cells.parts.PartSpecification.shards_for", lambda part, transitions: 3)
     outcome = lfobench_command("bench", "--only", "loading", "--device", "cpu", "--out", tmp_path)
     assert outcome.code == 0, outcome.err
     (path,) = tmp_path.glob("*.json")

@@ -23,15 +23,14 @@ from pydantic import PositiveFloat
 from safetensors.numpy import load_file
 
 from lfobench import registry
+from lfobench.cells.cell import PROTOCOLS, Run
 from lfobench.cli import app, progress
 from lfobench.contract.method import MethodConfig
-from lfobench.contract.record import content_hash
 from lfobench.files import locked
-from lfobench.plan.cells import Run
-from lfobench.plan.protocol import PROTOCOLS
+from lfobench.records.folder import SEAL, RecordFolder
+from lfobench.records.record import content_hash
 from lfobench.registry import load_method, load_suite, method_names
-from lfobench.stats.names import Test
-from lfobench.store.folder import SEAL, RecordFolder
+from lfobench.stats.options import Test
 
 METHODS = "dilo,smodice,oril,bco,bc,bc-expert"
 SMOKE = ("--methods", METHODS, "--tasks", HOPPER_TASK, "--protocol", "smoke", "--seeds", "0-1")

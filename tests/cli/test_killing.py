@@ -16,7 +16,7 @@ from helpers_cli import PATIENCE, arguments, environment
 from helpers_engine import HOPPER_TASK, Drifting, cell_of, finish, make_job, records_of, smoke_cell
 
 from lfobench.engine.job import Job
-from lfobench.store.folder import RecordFolder
+from lfobench.records.folder import RecordFolder
 
 pytestmark = [
     pytest.mark.slow,

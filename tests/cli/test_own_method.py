@@ -16,7 +16,7 @@ from helpers_plugins import forget_registrations, method_source, records_in
 import lfobench
 from lfobench.engine.policy import load_policy
 from lfobench.errors import UserError
-from lfobench.store.folder import RecordFolder
+from lfobench.records.folder import RecordFolder
 
 ON_POLE = ("--suite", TINY, "--tasks", POLE_TASK, "--protocol", "smoke")
 
@@ -80,7 +80,7 @@ def test_a_file_that_is_edited_while_it_trains_stops_the_rest(
     mine: Path, tmp_path: Path, lfobench_command: InProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The plan was made with other code than a worker process would import."""
-    monkeypatch.setattr("lfobench.plan.planning.code_of", lambda method: {"file_of_mine.py": "0" * 64})
+    monkeypatch.setattr("lfobench.cells.plan.code_of", lambda method: {"file_of_mine.py": "0" * 64})
     outcome = lfobench_command("run", "--methods", mine, *ON_POLE, "--seeds", "0", "--out", tmp_path / "runs")
     assert outcome.code == 1
     assert "file_of_mine.py" in outcome.err and "changed after the plan was made" in outcome.err

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from helpers_cli import InProcess, assert_refused
 
-from lfobench.render.plots.kinds import PLOTS
+from lfobench.plots.kinds import PLOTS
 
 REFERENCE = Path(__file__).resolve().parents[2] / "results" / "reference" / "locomotion-quick"
 

@@ -19,7 +19,7 @@ from helpers_engine import TINY, finish, make_job, records_of, smoke_cell
 
 from lfobench.engine.job import Job
 from lfobench.files import TEMPORARY_SUFFIX
-from lfobench.store.folder import RecordFolder
+from lfobench.records.folder import RecordFolder
 
 pytestmark = pytest.mark.slow
 

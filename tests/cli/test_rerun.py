@@ -12,9 +12,9 @@ from helpers_engine import POLE_TASK, TINY
 from helpers_plugins import records_in
 
 import lfobench
-from lfobench.contract.record import Record
 from lfobench.files import locked
-from lfobench.store.folder import ASIDE, read_record
+from lfobench.records.folder import ASIDE, read_record
+from lfobench.records.record import Record
 
 ON_POLE = ("--suite", TINY, "--tasks", POLE_TASK, "--protocol", "smoke")
 

@@ -10,8 +10,8 @@ import scene_suite
 from helpers_cli import InProcess, assert_refused
 from helpers_engine import finish, make_job, smoke_cell
 
-from lfobench.cli.trained import traces_of
-from lfobench.store.folder import RecordFolder
+from lfobench.engine.trained import traces_of
+from lfobench.records.folder import RecordFolder
 
 SUITE = str(Path(scene_suite.__file__))
 TASKS = ("reach-few", "reach-uniform", "strike-few")

@@ -12,7 +12,7 @@ import pytest
 from helpers_cli import InProcess, assert_refused
 from helpers_files import make_episodes, write_d4rl
 
-from lfobench.store.folder import RecordFolder
+from lfobench.records.folder import RecordFolder
 
 OWN = str(Path(__file__).parents[1] / "own_folder" / "own_suite.py")
 

@@ -13,13 +13,13 @@ from helpers_cli import InProcess, assert_refused
 from helpers_engine import StopAfter
 
 from lfobench.cli.console import INTERRUPTED
-from lfobench.contract.record import Record
 from lfobench.contract.suite import Task
 from lfobench.engine import evaluation
 from lfobench.files import locked
+from lfobench.records.folder import RecordFolder, read_record
+from lfobench.records.record import Record
 from lfobench.registry import load_suite, suite_names
 from lfobench.schedule import execution
-from lfobench.store.folder import RecordFolder, read_record
 from methods.bco import Bco
 
 TUNED = str(Path(__file__).parents[1] / "tuned_suite.py")

@@ -11,7 +11,7 @@ from helpers_cli import InProcess, Outcome, assert_refused
 from helpers_engine import finish, make_job, smoke_cell
 from PIL import Image
 
-from lfobench.render.plots.scene import movie
+from lfobench.plots import film as movie
 
 SUITE = str(Path(scene_suite.__file__))
 TASK = "strike-few"

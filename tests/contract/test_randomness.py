@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chisquare, kstest
 
-from lfobench.contract.randomness import Randomness, philox
+from lfobench.randomness import Randomness, philox
 
 WORD = 2**32
 

@@ -22,15 +22,13 @@ from raw_rows import make_episodes, walk
 from safetensors.numpy import save_file
 
 import lfobench.data.cache
+from lfobench.cells.parts import PartRequest, PartSpecification, specification
 from lfobench.contract.episodes import concatenate
 from lfobench.contract.suite import Level
-from lfobench.data.build import ShardJob, build, missing_shards
-from lfobench.data.cache import PartCache, fingerprint
-from lfobench.data.generated import roll_out
-from lfobench.data.shard import ARRAYS, open_shard, read_into, reserve
+from lfobench.data.build import ShardJob, build, missing_shards, roll_out
+from lfobench.data.cache import ARRAYS, PartCache, fingerprint, open_shard, read_into, reserve
 from lfobench.errors import UserError
 from lfobench.files import TEMPORARY_SUFFIX, remove_leftovers
-from lfobench.plan.parts import PartRequest, PartSpecification, specification
 from lfobench.registry import load_suite
 
 SHARD = 120

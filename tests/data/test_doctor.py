@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from helpers_files import make_episodes, write_d4rl, write_lerobot, write_minari, write_robomimic
 
+from lfobench.analyses.diagnosis import summary
 from lfobench.contract.episodes import concatenate
 from lfobench.data.doctor import diagnose, diagnose_part, rows_inside, too_short
-from lfobench.data.readers.checks import check
 from lfobench.data.readers.formats import read
 from lfobench.data.readers.hdf5 import FileProblem
+from lfobench.data.readers.reading import check
 from lfobench.data.readers.robomimic import LOW_DIMENSIONAL
-from lfobench.render.diagnosis import summary
 
 
 def examined(path: Path, horizon: int | None = 9) -> dict[str, int]:

@@ -10,9 +10,8 @@ from types import ModuleType
 import pytest
 from helpers_files import make_episodes, write_minari
 
-from lfobench.data import fetching
-from lfobench.data.fetching import Wanted, bring, wanted_files
-from lfobench.data.library import Library
+from lfobench.data import library as fetching
+from lfobench.data.library import Library, Wanted, bring, wanted_files
 from lfobench.errors import UserError
 from suites.locomotion import SUITE
 

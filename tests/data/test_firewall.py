@@ -16,12 +16,11 @@ from torch import Tensor
 
 from lfobench.contract.episodes import Episodes
 from lfobench.contract.method import DataNeeds, Field, Method, Stage
-from lfobench.contract.randomness import Randomness
 from lfobench.contract.suite import Recipe
 from lfobench.data.firewall import FirewallError, View, view
 from lfobench.data.mixing import mix
-from lfobench.engine.draws import Draws, RunningStep
-from lfobench.engine.sampling import StageSampler
+from lfobench.engine.batches import Draws, RunningStep, StageSampler
+from lfobench.randomness import Randomness
 from lfobench.registry import load_method, method_names
 
 REWARD = 7_777.25

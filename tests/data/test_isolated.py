@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from helpers_files import make_episodes, write_d4rl
 
+from lfobench.cells.parts import FilePart
 from lfobench.data import isolated
 from lfobench.data.cache import PartCache
 from lfobench.data.isolated import examine_file, import_file
 from lfobench.errors import UserError
-from lfobench.plan.file_parts import FilePart
 
 PART = FilePart("small", sha256="5" * 64, horizon=9)
 

@@ -14,12 +14,12 @@ from torch import Tensor
 
 from lfobench.contract.episodes import Episodes
 from lfobench.contract.method import Batch, DataNeeds, Field, Method, MethodConfig, Metrics, Shapes, Trajectories
-from lfobench.contract.randomness import Randomness, StepRandomness
 from lfobench.contract.suite import Recipe
 from lfobench.data.firewall import FirewallError, view
 from lfobench.data.labels import labels_of
 from lfobench.data.mixing import mix
 from lfobench.errors import UserError
+from lfobench.randomness import Randomness, StepRandomness
 
 CPU = torch.device("cpu")
 HORIZON = 5

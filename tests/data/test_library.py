@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from helpers_files import make_episodes, write_d4rl, write_minari
 
-from lfobench.contract.files import DataFile, own_file
+from lfobench.contract.suite import DataFile, own_file
 from lfobench.data import library as library_module
 from lfobench.data.library import Library
 from lfobench.errors import UserError

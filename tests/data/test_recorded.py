@@ -16,16 +16,16 @@ from raw_rows import endings, make_episodes, values, walk
 from scene_suite import REACH
 from scene_suite import SUITE as SCENES
 
+from lfobench.cells.parts import PartSpecification, requests
 from lfobench.contract.episodes import Episodes, FloatArray
 from lfobench.contract.method import DataNeeds, Field
 from lfobench.contract.suite import Environment, Recipe, Task
+from lfobench.data.build import record
 from lfobench.data.cache import PartCache
-from lfobench.data.generated import record
 from lfobench.data.manifest import manifest
 from lfobench.data.mixing import Mixture, mix
 from lfobench.data.source import TaskData, load_task
 from lfobench.errors import UserError
-from lfobench.plan.parts import PartSpecification, requests
 
 TRIPLE: tuple[Field, ...] = ("observation", "next_observation", "second_next_observation")
 PAIR: tuple[Field, ...] = ("observation", "next_observation")

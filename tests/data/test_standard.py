@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lfobench.contract.episodes import FloatArray
-from lfobench.data import standard
-from lfobench.data.standard import BLOCK, moments, standardize
+from lfobench.data import mixing as standard
+from lfobench.data.mixing import BLOCK, moments, standardize
 
 COUNTS = [1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5]
 

@@ -11,8 +11,7 @@ import scene_suite
 from scene_suite import SUITE
 
 from lfobench.contract.suite import Recipe
-from lfobench.data.source import TaskData
-from lfobench.data.strokes import demonstrated_strokes
+from lfobench.data.source import TaskData, demonstrated_strokes
 
 
 def strokes(transitions: int | None, standardize: bool = False) -> tuple[TaskData, list[np.ndarray]]:

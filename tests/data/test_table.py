@@ -10,10 +10,10 @@ from torch._subclasses.fake_tensor import FakeTensorMode
 from torch.fx.experimental.proxy_tensor import make_fx
 
 from lfobench.contract.method import DataNeeds, Field
-from lfobench.contract.randomness import Randomness
 from lfobench.contract.suite import Recipe
 from lfobench.data.firewall import Column, Table, view
 from lfobench.data.mixing import mix
+from lfobench.randomness import Randomness
 from lfobench.registry import load_method
 
 ROWS, STORED = 30, 50

@@ -10,11 +10,10 @@ import pytest
 import torch
 from helpers_engine import Drifting, cell_of, finish, make_job, records_of, smoke_cell
 
-from lfobench.contract.record import Record
-from lfobench.engine import precision
-from lfobench.engine.precision import products
-from lfobench.plan.cells import Cell
-from lfobench.plan.precision import Precision
+from lfobench.cells.cell import Cell, Precision
+from lfobench.engine import program as precision
+from lfobench.engine.program import products
+from lfobench.records.record import Record
 
 CPU = torch.device("cpu")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from lfobench.contract.randomness import Randomness
-from lfobench.engine.draws import Draws, RunningStep
+from lfobench.engine.batches import Draws, RunningStep
+from lfobench.randomness import Randomness
 
 RANDOMNESS = Randomness([5, 6])
 

@@ -22,14 +22,12 @@ from helpers_engine import HOPPER_TASK, Drifting, FakeConfig, cell_of, smoke_cel
 from test_evaluation import HOPPER, plain_loop, transform
 from torch import Tensor
 
+from lfobench.cells.cell import Cell
 from lfobench.contract.method import Method, Shapes
 from lfobench.data.mixing import ObservationTransform
-from lfobench.engine.evaluation import Evaluator
-from lfobench.engine.evaluation_process import Assignment
-from lfobench.engine.evaluation_workers import EvaluationError, EvaluationWorkers
-from lfobench.engine.rollout import EpisodeResults
+from lfobench.engine.evaluation import EpisodeResults, Evaluator
+from lfobench.engine.evaluation_workers import Assignment, EvaluationError, EvaluationWorkers
 from lfobench.engine.state import MethodState, SeedState, live_tensors
-from lfobench.plan.cells import Cell
 
 CPU = torch.device("cpu")
 SEEDS, EPISODES = (4, 0, 7), 2

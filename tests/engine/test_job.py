@@ -23,15 +23,15 @@ from helpers_engine import (
     smoke_cell,
 )
 
+from lfobench.cells.cell import Cell
 from lfobench.contract.method import DataNeeds, Stage
 from lfobench.engine import job as engine_job
 from lfobench.engine import training
 from lfobench.engine.job import Busy, Job, Recorded, carry_out
 from lfobench.engine.training import Advance
 from lfobench.errors import UserError
-from lfobench.plan.cells import Cell
+from lfobench.records.folder import RecordFolder
 from lfobench.registry import method_names
-from lfobench.store.folder import RecordFolder
 
 Measured = dict[str, Any]
 

@@ -17,7 +17,7 @@ from lfobench.engine import job as engine_job
 from lfobench.engine import policy as policies
 from lfobench.engine.job import Job
 from lfobench.engine.policy import load_policy
-from lfobench.store.folder import RecordFolder
+from lfobench.records.folder import RecordFolder
 from lfobench.tensor_files import read_tensors, write_tensors
 
 SEEDS = (0, 4, 2)

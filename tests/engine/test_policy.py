@@ -12,11 +12,11 @@ from helpers_engine import cell_of, finish, make_job, records_of, smoke_cell
 from safetensors import safe_open
 
 from lfobench.contract.method import Shapes
-from lfobench.contract.record import Record
 from lfobench.engine.policy import SCALE, SHIFT, load_policy
 from lfobench.errors import UserError
+from lfobench.records.folder import RecordFolder
+from lfobench.records.record import Record
 from lfobench.registry import method_names
-from lfobench.store.folder import RecordFolder
 
 CPU = torch.device("cpu")
 SHAPES = Shapes(4, 1)

@@ -15,11 +15,11 @@ from tape import record
 from torch import Tensor
 
 from lfobench.contract.method import Batch, DataNeeds, Field, Method, Metrics, Shapes, Stage
-from lfobench.contract.randomness import Randomness, StepRandomness
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.program import Program, recorder_for
 from lfobench.engine.state import live_tensors
+from lfobench.randomness import Randomness, StepRandomness
 from lfobench.registry import load_method
 
 CPU = torch.device("cpu")

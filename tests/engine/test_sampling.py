@@ -10,11 +10,11 @@ import torch
 from helpers_engine import batches_at
 
 from lfobench.contract.method import Batch, Shapes, Stage
-from lfobench.contract.randomness import Randomness
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
-from lfobench.engine import sampling
-from lfobench.engine.sampling import StageSampler, check_tables
+from lfobench.engine import batches as sampling
+from lfobench.engine.batches import StageSampler, check_tables
+from lfobench.randomness import Randomness
 
 ROWS, EXTRA, EXPERT, INITIAL = 50, 5, 23, 7
 

@@ -12,15 +12,14 @@ from helpers_engine import Drifting, finish, make_job, records_of, smoke_cell
 from scene_suite import ALONE, REACH, around
 from torch import Tensor
 
-from lfobench.contract.record import SUCCESS
+from lfobench.cells.cell import Cell
 from lfobench.data.mixing import ObservationTransform
+from lfobench.engine.evaluation import EpisodeResults, OneByOne, Simulators, Together, rollout, simulators
 from lfobench.engine.policy import load_policy
-from lfobench.engine.rollout import EpisodeResults, rollout
-from lfobench.engine.simulators import OneByOne, Simulators, Together, simulators
-from lfobench.plan.cells import Cell
 from lfobench.python_files import load_file
-from lfobench.render.counting import successes_of
-from lfobench.store.folder import RecordFolder
+from lfobench.records.folder import RecordFolder
+from lfobench.records.record import SUCCESS
+from lfobench.tables.counting import successes_of
 
 OWN = load_file(Path(__file__).parents[1] / "own_folder" / "own_suite.py", "suite")
 SCENES = str(Path(__file__).parents[1] / "scene_suite.py")

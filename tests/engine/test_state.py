@@ -10,10 +10,10 @@ from helpers_methods import SOUND, Adapted, Momentum, Naive
 from torch import Tensor
 
 from lfobench.contract.method import Method, Shapes
-from lfobench.contract.randomness import Randomness
 from lfobench.engine.probe import random_view
 from lfobench.engine.program import Program
 from lfobench.engine.state import CPU, MethodState, SeedState, StateError, live_tensors, plain_values
+from lfobench.randomness import Randomness
 
 SHAPES = Shapes(5, 2)
 SEEDS = (4, 0, 9)

@@ -14,7 +14,7 @@ from scene_suite import REACH, SUITE, Points
 from lfobench.contract.episodes import FloatArray
 from lfobench.contract.suite import Task
 from lfobench.engine.evaluation import start_seed
-from lfobench.engine.trace import trace
+from lfobench.engine.trained import trace
 from lfobench.errors import UserError
 from lfobench.python_files import load_file
 

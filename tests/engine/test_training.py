@@ -22,14 +22,14 @@ from helpers_engine import (
 )
 from torch import Tensor
 
+from lfobench.cells.cell import Cell
 from lfobench.contract.method import Batch, Metrics, Shapes
-from lfobench.contract.randomness import StepRandomness
-from lfobench.contract.statistic import Statistic
 from lfobench.engine import training
 from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance
-from lfobench.plan.cells import Cell
-from lfobench.store.folder import RecordFolder
+from lfobench.randomness import StepRandomness
+from lfobench.records.folder import RecordFolder
+from lfobench.records.score import Statistic
 
 
 def measured(job: Job) -> list[dict[str, Any]]:

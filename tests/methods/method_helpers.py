@@ -13,11 +13,11 @@ from references import Array, Parameters, unflatten
 from torch import Tensor
 
 from lfobench.contract.method import Batch, DataNeeds, Field, Method, Shapes, Stage
-from lfobench.contract.randomness import Randomness
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.program import Program
 from lfobench.engine.state import live_tensors
+from lfobench.randomness import Randomness
 
 CPU = torch.device("cpu")
 NO_BATCH: Batch = {}

@@ -25,9 +25,9 @@ from method_helpers import (
 )
 
 from lfobench.contract.method import Method, Shapes, Sizes
-from lfobench.contract.randomness import Randomness
-from lfobench.engine.sampling import StageSampler
+from lfobench.engine.batches import StageSampler
 from lfobench.engine.state import live_tensors
+from lfobench.randomness import Randomness
 from methods.oril import Oril
 from methods.smodice import Smodice
 

@@ -7,9 +7,9 @@ import torch
 from pydantic import ValidationError
 
 from lfobench import registry
+from lfobench.cells.cell import PROTOCOLS
 from lfobench.contract.method import Field, Method, Shapes, Sizes
 from lfobench.data.firewall import check_declaration
-from lfobench.plan.protocol import PROTOCOLS
 
 ALL = registry.method_names()
 methods = pytest.mark.parametrize("method", [registry.load_method(name) for name in ALL], ids=ALL)

@@ -10,11 +10,11 @@ from method_helpers import CPU, random_view
 from torch import Tensor
 
 from lfobench.contract.method import Shapes
-from lfobench.contract.randomness import Randomness
 from lfobench.engine.program import Program
 from lfobench.engine.state import live_tensors
+from lfobench.randomness import Randomness
 from lfobench.registry import load_method
-from lfobench.schedule.packing import MOST_THREADS
+from lfobench.schedule.machine import MOST_THREADS
 
 STEPS = 3
 HOPPER = Shapes(11, 3)

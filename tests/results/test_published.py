@@ -8,12 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from lfobench.contract.publication import TableOfCounts, TableOfMeans
-from lfobench.stats.audit import MeansAudit, audit_means
-from lfobench.stats.audit_counts import CountsAudit, CountsRule, CountTest, audit_counts
+from lfobench.records.publication import TableOfCounts, TableOfMeans
+from lfobench.records.published import read_publication
+from lfobench.stats.audit import CountsAudit, CountsRule, CountTest, MeansAudit, audit_counts, audit_means
 from lfobench.stats.highlight import Rule
-from lfobench.stats.names import Test
-from lfobench.store.published import read_publication
+from lfobench.stats.options import Test
 
 FOLDER = Path(__file__).parents[2] / "results" / "published" / "dilo-2024"
 ROWS = 24

@@ -15,18 +15,18 @@ from typing import Any
 import pytest
 from helpers_engine import POLE_TASK, TINY, finish, make_job
 
-from lfobench.contract.record import Warning
+from lfobench.cells.cell import Run
+from lfobench.cells.plan import Request, make_plan
 from lfobench.engine import job as engine_job
 from lfobench.engine.job import Job
 from lfobench.errors import UserError
-from lfobench.executors.events import Ended, Event
 from lfobench.files import locked
-from lfobench.plan.cells import Run
-from lfobench.plan.planning import Request, make_plan
+from lfobench.records.folder import RecordFolder, RecordsRead
+from lfobench.records.record import Warning
 from lfobench.schedule import execution
-from lfobench.schedule.agenda import Agenda, Forecast, make_agenda
 from lfobench.schedule.execution import StopRequest, Tally, Watcher, carry_out_agenda
-from lfobench.store.folder import RecordFolder, RecordsRead
+from lfobench.schedule.executors import Ended, Event
+from lfobench.schedule.jobs import Agenda, Forecast, make_agenda
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

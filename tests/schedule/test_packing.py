@@ -10,16 +10,15 @@ from typing import cast
 import pytest
 from helpers_engine import POLE_TASK, TINY, smoke_cell
 
+from lfobench.cells.cell import Cell
+from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.suite import Demonstrator, Environment
 from lfobench.engine.job import Job
-from lfobench.engine.memory import Footprint, Memory
-from lfobench.engine.probe import Estimate, Prober
+from lfobench.engine.probe import Estimate, Footprint, Memory, Prober
 from lfobench.errors import UserError
-from lfobench.plan.cells import Cell
-from lfobench.plan.planning import Request, make_plan
-from lfobench.schedule.agenda import Agenda, forecast, make_agenda
-from lfobench.schedule.packing import LANES, PROCESS_BYTES, packed
-from lfobench.store.folder import RecordsRead
+from lfobench.records.folder import RecordsRead
+from lfobench.schedule.jobs import Agenda, forecast, make_agenda
+from lfobench.schedule.machine import LANES, PROCESS_BYTES, packed
 
 GB = 2**30
 

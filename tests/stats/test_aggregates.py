@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import binom, mannwhitneyu, trim_mean
 
 from lfobench.stats import aggregates
-from lfobench.stats.bootstrap import LARGEST, Values, bootstrap, strata
+from lfobench.stats.aggregates import LARGEST, Values, bootstrap, strata
 from lfobench.stats.intervals import Estimate, Interval
 
 score = st.integers(-20_000, 130_000).map(lambda thousandths: thousandths / 1000)

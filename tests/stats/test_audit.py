@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import ttest_ind_from_stats
 
-from lfobench.contract.publication import (
+from lfobench.records.publication import (
     Claim,
     PrintedCount,
     PrintedMean,
@@ -19,12 +19,11 @@ from lfobench.contract.publication import (
     TableOfCounts,
     TableOfMeans,
 )
-from lfobench.stats.audit import MeansAudit, audit_means
-from lfobench.stats.audit_counts import CountsAudit, CountsRule, audit_counts
-from lfobench.stats.comparison import welch_test
+from lfobench.stats.audit import CountsAudit, CountsRule, MeansAudit, audit_counts, audit_means
 from lfobench.stats.highlight import Rule
+from lfobench.stats.intervals import Summary
 from lfobench.stats.power import power_for
-from lfobench.stats.summary import Summary
+from lfobench.stats.tests import welch_test
 
 SUCCESS_RATE = ScoreScale({}, 0.0, 1.0)
 

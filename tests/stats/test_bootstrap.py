@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfobench.stats.bootstrap import Counts, Values, bootstrap, mean_interval, resample, strata
+from lfobench.stats.aggregates import Counts, Values, bootstrap, mean_interval, resample, strata
 
 sizes = st.lists(st.integers(1, 6), min_size=1, max_size=5)
 scores = st.integers(-20_000, 130_000).map(lambda thousandths: thousandths / 1000)

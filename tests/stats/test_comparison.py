@@ -13,10 +13,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from lfobench.stats.comparison import FROM_SUMMARIES, PAIRED, p_value, student_test, welch_test
-from lfobench.stats.names import Test
-from lfobench.stats.sample import Sample, sample_of
-from lfobench.stats.summary import Summary
+from lfobench.stats.intervals import Summary
+from lfobench.stats.options import Test
+from lfobench.stats.tests import FROM_SUMMARIES, PAIRED, Sample, p_value, sample_of, student_test, welch_test
 
 EVERY_TEST: tuple[Test, ...] = get_args(Test)
 UNPAIRED = [test for test in EVERY_TEST if test not in PAIRED]
@@ -242,5 +241,5 @@ def test_a_published_pair() -> None:
 
 
 def test_scipy_is_not_imported_before_a_test_is_made() -> None:
-    code = "import sys, lfobench.render.formats, lfobench.render.building; sys.exit('scipy' in sys.modules)"
+    code = "import sys, lfobench.tables.exporters.formats, lfobench.tables.building; sys.exit('scipy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -9,11 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfobench.stats.aggregates import interquartile_mean, probability_of_improvement
-from lfobench.stats.comparison import p_value
 from lfobench.stats.contrast import Contrast, best_p, contrast
-from lfobench.stats.correction import adjusted
-from lfobench.stats.highlight import Rule
-from lfobench.stats.sample import Sample, sample_of
+from lfobench.stats.highlight import Rule, adjusted
+from lfobench.stats.tests import Sample, p_value, sample_of
 
 RULE = Rule(correction="holm")
 FLIPPED = {"better": "worse", "worse": "better", "undecided": "undecided", "untested": "untested"}

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import false_discovery_control
 
-from lfobench.stats.correction import adjusted
-from lfobench.stats.names import Correction
+from lfobench.stats.highlight import adjusted
+from lfobench.stats.options import Correction
 
 # From 1e-12 on: products with a few rows neither underflow nor round to the same number.
 p_values = st.lists(st.sampled_from([0.0, 0.004, 0.01, 0.05, 1.0]) | st.floats(1e-12, 1.0), min_size=1, max_size=12)

@@ -8,9 +8,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.stats import ttest_ind
 
-from lfobench.stats.comparison import welch_test
-from lfobench.stats.equivalence import equivalence_test
-from lfobench.stats.summary import Summary, summarize
+from lfobench.stats.intervals import Summary, equivalence_test, summarize
+from lfobench.stats.tests import welch_test
 
 means = st.integers(0, 100_000).map(lambda thousandths: thousandths / 1000)
 spreads = st.integers(1, 20_000).map(lambda thousandths: thousandths / 1000)

@@ -10,13 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfobench.stats.comparison import PAIRED, p_value
-from lfobench.stats.correction import adjusted
-from lfobench.stats.feasibility import can_reach, smallest_p
-from lfobench.stats.names import Correction, Test
-from lfobench.stats.permutation import EXACT_RELABELLINGS
-from lfobench.stats.proportions import fisher_test
-from lfobench.stats.sample import sample_of
+from lfobench.stats.highlight import adjusted
+from lfobench.stats.options import Correction, Test
+from lfobench.stats.power import can_reach, smallest_p
+from lfobench.stats.successes import fisher_test
+from lfobench.stats.tests import EXACT_RELABELLINGS, PAIRED, p_value, sample_of
 
 EVERY_TEST: tuple[Test, ...] = get_args(Test)
 BY_RELABELLING: tuple[Test, ...] = ("mann-whitney", "permutation", "wilcoxon", "paired-permutation")

@@ -10,14 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfobench.stats.comparison import PAIRED, p_value
-from lfobench.stats.correction import adjusted
-from lfobench.stats.highlight import DEFAULT_RULE, Highlight, Rule, highlights
-from lfobench.stats.names import Correction, Test
+from lfobench.stats.highlight import DEFAULT_RULE, Highlight, Rule, adjusted, highlights
+from lfobench.stats.intervals import Summary
 from lfobench.stats.null import false_highlight_rate
-from lfobench.stats.sample import Sample, sample_of
+from lfobench.stats.options import Correction, Test
 from lfobench.stats.successes import Count, pool
-from lfobench.stats.summary import Summary
+from lfobench.stats.tests import PAIRED, Sample, p_value, sample_of
 
 EVERY_TEST: tuple[Test, ...] = get_args(Test)
 CORRECTIONS: tuple[Correction, ...] = get_args(Correction)

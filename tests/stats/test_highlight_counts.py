@@ -11,9 +11,8 @@ from scipy.stats import fisher_exact
 
 from lfobench.stats.contrast import contrast
 from lfobench.stats.highlight import Highlight, Rule, highlights
-from lfobench.stats.proportions import newcombe_interval
-from lfobench.stats.sample import Sample, sample_of
-from lfobench.stats.successes import Count, Successes
+from lfobench.stats.successes import Count, Successes, newcombe_interval
+from lfobench.stats.tests import Sample, sample_of
 
 # Few distinct rates: ties for best and for second best are common.
 counts = st.sampled_from([5, 10, 20]).flatmap(lambda trials: st.builds(Count, st.integers(0, trials), st.just(trials)))

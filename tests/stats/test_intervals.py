@@ -8,9 +8,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy import stats
 
-from lfobench.stats.comparison import welch_test
-from lfobench.stats.intervals import Interval, satterthwaite, t_interval, welch_interval
-from lfobench.stats.summary import Summary, summarize
+from lfobench.stats.intervals import Interval, Summary, satterthwaite, summarize, t_interval, welch_interval
+from lfobench.stats.tests import welch_test
 
 means = st.integers(-20_000, 130_000).map(lambda thousandths: thousandths / 1000)
 spreads = st.integers(1, 40_000).map(lambda thousandths: thousandths / 1000)

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from lfobench.stats.comparison import welch_test
+from lfobench.stats.intervals import summarize
 from lfobench.stats.null import false_highlight_rate
-from lfobench.stats.proportions import wilson_interval
-from lfobench.stats.summary import summarize
+from lfobench.stats.successes import wilson_interval
+from lfobench.stats.tests import welch_test
 
 
 def best_against_second(scores: np.ndarray) -> bool:

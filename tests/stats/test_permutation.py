@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from lfobench.stats.permutation import (
+from lfobench.stats.tests import (
     EXACT_RELABELLINGS,
     RANDOM_RELABELLINGS,
     permutation_test,

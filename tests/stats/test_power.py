@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.stats import chi2, nct, norm, t, ttest_ind
 
-from lfobench.stats.correction import adjusted
+from lfobench.stats.highlight import adjusted
 from lfobench.stats.power import detectable_effect, power, power_for, seeds_needed, seeds_needed_for
 
 effects = st.integers(0, 60).map(lambda tenths: tenths / 10)

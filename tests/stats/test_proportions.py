@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binomtest, fisher_exact
 
-from lfobench.stats.proportions import boschloo_test, fisher_test, wilson_interval
+from lfobench.stats.successes import boschloo_test, fisher_test, wilson_interval
 
 counts = st.integers(1, 60).flatmap(lambda trials: st.tuples(st.integers(0, trials), st.just(trials)))
 few = st.integers(1, 8).flatmap(lambda trials: st.tuples(st.integers(0, trials), st.just(trials)))

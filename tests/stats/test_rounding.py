@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 
 from lfobench.stats.aggregates import probability_of_improvement
-from lfobench.stats.comparison import p_value, without_spread
 from lfobench.stats.contrast import contrast
-from lfobench.stats.equivalence import equivalence_test
 from lfobench.stats.highlight import Rule, highlights, places
-from lfobench.stats.intervals import welch_interval
-from lfobench.stats.names import Test
-from lfobench.stats.permutation import rank_sum_test, signed_rank_test
+from lfobench.stats.intervals import equivalence_test, welch_interval
+from lfobench.stats.options import Test
 from lfobench.stats.ranking import average_ranks, friedman_test
-from lfobench.stats.sample import Sample, sample_of
+from lfobench.stats.tests import Sample, p_value, rank_sum_test, sample_of, signed_rank_test, without_spread
 
 EVERY_TEST: tuple[Test, ...] = get_args(Test)
 SPREAD = (28.25, 30.5, 33.75, 31.0)

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from lfobench.stats.sample import Sample, sample_of
-from lfobench.stats.summary import Summary
+from lfobench.stats.intervals import Summary
+from lfobench.stats.tests import Sample, sample_of
 
 
 def test_a_sample_keeps_every_score_beside_its_summary() -> None:

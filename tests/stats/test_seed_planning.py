@@ -8,17 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfobench.stats.planning import (
+from lfobench.stats.intervals import Summary, summarize
+from lfobench.stats.power import (
     Design,
     can_show,
     cost,
     detectable_difference,
+    detectable_effect,
     plan_tasks,
+    power_for,
+    seeds_needed_for,
     std_bound,
     std_interval,
 )
-from lfobench.stats.power import detectable_effect, power_for, seeds_needed_for
-from lfobench.stats.summary import Summary, summarize
 
 DESIGN = Design(effect=10.0, power=0.8, alpha=0.05, test="welch", correction="holm", seeds=5)
 spreads = st.integers(1, 300).map(lambda tenths: tenths / 10)

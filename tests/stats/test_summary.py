@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfobench.contract.statistic import tie
-from lfobench.stats.summary import Summary, difference, summarize
+from lfobench.records.score import tie
+from lfobench.stats.intervals import Summary, difference, summarize
 
 scores = st.floats(min_value=-1e3, max_value=1e3)
 

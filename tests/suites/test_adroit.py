@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
+from lfobench.cells.parts import specification
+from lfobench.cells.sources import nowhere, read_from
 from lfobench.contract.suite import Recipe, Task
-from lfobench.data.generated import roll_out
-from lfobench.plan.parts import specification
-from lfobench.plan.sources import nowhere, read_from
+from lfobench.data.build import roll_out
 from suites.adroit import ENVIRONMENTS, PAPER, SUITE
 from suites.hand.levels import WEIGHTS, demonstrator
 

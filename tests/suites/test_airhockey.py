@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.suite import Operator, Recipe, Suite, Task
-from lfobench.plan.planning import Request, make_plan
 from lfobench.registry import load_method
 from suites.airhockey import APPENDIX, SUITE
 from suites.robot import constants, register_environments

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from lfobench.cells.plan import Request, make_plan
+from lfobench.cells.sources import nowhere, read_from
 from lfobench.contract.suite import Recipe, Suite, Task
-from lfobench.plan.planning import Request, make_plan
-from lfobench.plan.sources import nowhere, read_from
 from suites.kitchen import PAPER, SUITE, WITHOUT_GOAL
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "results" / "published" / "dilo-2024" / "table1.csv"

@@ -6,9 +6,9 @@ import json
 
 import pytest
 
+from lfobench.cells.parts import specification
 from lfobench.contract.suite import Environment, Task
-from lfobench.data.generated import roll_out
-from lfobench.plan.parts import specification
+from lfobench.data.build import roll_out
 from suites.demonstrators import WEIGHTS
 from suites.locomotion import ENVIRONMENTS, SMODICE, SUITE
 

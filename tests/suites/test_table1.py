@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from lfobench.plan.planning import Request, make_plan
+from lfobench.cells.plan import Request, make_plan
 from lfobench.registry import load_suite
 
 PUBLISHED = Path(__file__).parents[2] / "results" / "published" / "dilo-2024" / "table1.csv"

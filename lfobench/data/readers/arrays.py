@@ -15,18 +15,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from lfobench.data.readers.hdf5 import (
-    AGAIN,
-    DAMAGE,
-    OTHER,
-    FileProblem,
-    Remedy,
-    another,
-    member,
-    path_of,
-    short,
-)
-from lfobench.words import counted, shown
+from lfobench.data.readers.hdf5 import AGAIN, DAMAGE, OTHER, FileProblem, Remedy, another, member, path_of, short
+from lfobench.text import counted, shown
 
 MOST_INFLATION = 1_100
 """Bytes out of one byte on disk; deflate gives at most 1032."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from lfobench.words import shown
+from lfobench.text import shown
 
 METADATA_BYTES = 2**22
 """Of the file's structure that HDF5 keeps at most, as stored; its own limit lets a file of many episodes take 10 times

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from lfobench.contract.episodes import Episodes, IntArray
 from lfobench.data.readers.arrays import MOST_INFLATION, Held
 from lfobench.data.readers.hdf5 import AGAIN, OTHER, FileProblem, another, missing, short
-from lfobench.data.readers.keys import Keys, choose
-from lfobench.data.readers.reading import Reading, as_float32, differing_kinds, flags, row_numbers
-from lfobench.words import counted, shown
+from lfobench.data.readers.reading import Keys, Reading, as_float32, choose, differing_kinds, flags, row_numbers
+from lfobench.text import counted, shown
 
 INFO = Path("meta") / "info.json"
 MOST_INFO = 2**22

@@ -29,8 +29,21 @@ from lfobench.data.readers.hdf5 import (
     path_of,
     subgroup,
 )
-from lfobench.data.readers.keys import Keys, arrays_of, by_key, left_out, no_choice, side_by_side, widths_of
-from lfobench.data.readers.reading import Reading, differing_kinds, end_to_end, flags, same_columns, same_rows
+from lfobench.data.readers.reading import (
+    Keys,
+    Reading,
+    arrays_of,
+    by_key,
+    differing_kinds,
+    end_to_end,
+    flags,
+    left_out,
+    no_choice,
+    same_columns,
+    same_rows,
+    side_by_side,
+    widths_of,
+)
 
 EPISODE = re.compile(r"episode_([0-9]{1,12})")
 FIELDS = ("observations", "actions", "rewards", "terminations", "truncations")

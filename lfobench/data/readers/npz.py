@@ -25,7 +25,7 @@ from lfobench.data.readers.arrays import MOST_INFLATION, Held, check_plain
 from lfobench.data.readers.d4rl import DIMENSIONS, flat
 from lfobench.data.readers.hdf5 import AGAIN, OTHER, FileProblem, missing, short
 from lfobench.data.readers.reading import Reading, differing_kinds, same_columns, same_rows
-from lfobench.words import shown
+from lfobench.text import shown
 
 SUFFIX = ".npz"
 NAMES = {

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.contract.episodes import BoolArray, Episodes, FloatArray, IntArray
-from lfobench.data.readers.arrays import Array, PlainArray, blocks, in_proportion
-from lfobench.data.readers.hdf5 import OTHER, FileProblem
-from lfobench.words import counted
+from lfobench.data.readers.arrays import Array, PlainArray, array, blocks, in_proportion
+from lfobench.data.readers.hdf5 import DAMAGE, OTHER, FileProblem, member, members, subgroup
+from lfobench.text import counted, shown
 
 
 def _no_rows() -> IntArray:
@@ -143,3 +145,131 @@ def same_columns(found: PlainArray, columns: int, measure: str) -> None:
 def row_numbers(lengths: NDArray[np.int64]) -> IntArray:
     """Where the observations of rows laid end to end lie among those of episodes, which have one more each ``[N]``."""
     return np.arange(int(lengths.sum())) + np.repeat(np.arange(len(lengths)), lengths)
+
+
+Keys = tuple[str, ...] | None
+"""Keys that the user chose; None takes those of the layout."""
+
+
+def choose(there: Sequence[str]) -> str:
+    """The remedy where a key is missing: keys are the user's choice among what is there."""
+    example = "+".join(shown(name) for name in there[:2]) or "A+B"
+    return f"Choose what an observation is made of: keys={example} in --source, --keys {example} of the doctor."
+
+
+def no_choice(layout: str) -> FileProblem:
+    """Keys were chosen of a file that leaves no choice."""
+    return FileProblem(
+        f"keys were chosen, and its observations are one array, as {layout} has them", "Leave out the keys."
+    )
+
+
+def arrays_of(dictionaries: Sequence[h5py.Group], keys: Sequence[str]) -> list[list[Array]]:
+    """Of every dictionary, the array of every key, each as wide as in the first.
+
+    Raises:
+        FileProblem: naming the field, and for a key that is missing, what is there.
+    """
+    found = []
+    for dictionary in dictionaries:
+        arrays = []
+        for key in keys:
+            *groups, name = key.split("/")
+            group = dictionary
+            for each in groups:
+                group = subgroup(group, each, choose)
+            arrays.append(array(group, name, 2, choose))
+        found.append(arrays)
+        for first, each_array in zip(found[0], arrays, strict=True):
+            same_columns(each_array, first.shape[1], f"'{first.field}'")
+    return found
+
+
+def left_out(dictionary: h5py.Group, keys: Sequence[str]) -> dict[str, int]:
+    """What else a dictionary has, and how many columns; 0 of what is no list of vectors."""
+    widths = {}
+    for name in members(dictionary):
+        if name in keys or any(key.startswith(f"{name}/") for key in keys):
+            continue
+        shape: tuple[int, ...] = ()
+        with suppress(FileProblem, *DAMAGE):  # it is left out, whatever it is
+            found = member(dictionary, name)
+            shape = (found.shape or ()) if isinstance(found, h5py.Dataset) else ()
+        widths[name] = int(shape[1]) if len(shape) == 2 else 0
+    return widths
+
+
+def by_key(parts: Sequence[Sequence[Array]], keys: Sequence[str]) -> dict[str, list[Array]]:
+    """The arrays of every key."""
+    return {key: [arrays[index] for arrays in parts] for index, key in enumerate(keys)}
+
+
+def widths_of(arrays: Sequence[Array], keys: Sequence[str]) -> dict[str, int]:
+    """Columns of every key."""
+    return {key: found.shape[1] for key, found in zip(keys, arrays, strict=True)}
+
+
+def side_by_side(parts: Sequence[Sequence[Array]]) -> FloatArray:
+    """Arrays of keys, episode by episode, as observations ``[rows, obs]``.
+
+    Raises:
+        FileProblem: as `end_to_end` does.
+    """
+    if len(parts[0]) == 1:
+        return end_to_end([only for (only,) in parts])
+    widths = [first.shape[1] for first in parts[0]]
+    whole = np.empty((sum(arrays[0].rows for arrays in parts), sum(widths)), np.float32)
+    stop = 0
+    for key, width in enumerate(widths):
+        start, stop = stop, stop + width
+        whole[:, start:stop] = end_to_end([arrays[key] for arrays in parts])
+    return whole
+
+
+def not_finite(reading: Reading) -> dict[str, IntArray]:
+    """Rows ``[B]`` of every field that have a value that is no finite number.
+
+    Those that mark a last observation as unknown are none, where the file does not say in which an episode ends.
+    """
+    episodes = reading.episodes
+    ends = np.zeros(len(episodes.observations), np.bool_)
+    ends[episodes.last_observation] = True
+    finite = np.isfinite(episodes.observations).all(axis=1)
+    reached = finite[ends]
+    if not reading.ends_known:
+        reached |= episodes.unknown_ends
+    last = np.cumsum(episodes.lengths) - 1
+    return {
+        "observations": np.flatnonzero(~finite[~ends]),
+        "next_observations": np.union1d(last[~reached], reading.not_finite),
+        "actions": np.flatnonzero(~np.isfinite(episodes.actions).all(axis=1)),
+        "rewards": np.flatnonzero(~np.isfinite(episodes.rewards) & reading.rewards),
+    }
+
+
+def check(reading: Reading) -> None:
+    """Refuses a file with values that are not finite.
+
+    Raises:
+        FileProblem: naming the field and the first such row.
+    """
+    for name, rows in not_finite(reading).items():
+        if len(rows):
+            raise FileProblem(
+                f"field '{name}' has a value that is no finite number, the first in row {int(rows[0]):,}",
+                f"{OTHER} 'lfobench data doctor' tells how many there are.",
+            )
+
+
+def with_columns(episodes: Episodes, columns: int | None) -> Episodes:
+    """The first `columns` of every observation; None keeps all.
+
+    Raises:
+        FileProblem: there are fewer.
+    """
+    if columns is None:
+        return episodes
+    if (there := episodes.observations.shape[1]) < columns:
+        has = counted(there, "column")
+        raise FileProblem(f"field 'observations' has {has}, and {columns} are to be read", OTHER)
+    return replace(episodes, observations=np.ascontiguousarray(episodes.observations[:, :columns]))

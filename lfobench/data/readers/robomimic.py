@@ -26,14 +26,18 @@ from lfobench.data.readers.hdf5 import (
     path_of,
     subgroup,
 )
-from lfobench.data.readers.keys import Keys, arrays_of, by_key, left_out, widths_of
 from lfobench.data.readers.reading import (
+    Keys,
     Reading,
+    arrays_of,
+    by_key,
     differing_kinds,
     end_to_end,
+    left_out,
     row_numbers,
     same_columns,
     same_rows,
+    widths_of,
 )
 
 DEMONSTRATION = re.compile(r"demo_([0-9]{1,12})")

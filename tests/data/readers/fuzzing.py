@@ -17,9 +17,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from helpers_files import make_episodes, write_d4rl, write_lerobot, write_minari, write_npz, write_robomimic
 
-from lfobench.data.readers.checks import check
 from lfobench.data.readers.formats import read
 from lfobench.data.readers.hdf5 import FileProblem
+from lfobench.data.readers.reading import check
 from lfobench.data.readers.robomimic import LOW_DIMENSIONAL
 
 NUMBERS = (b"\xff" * 8, b"\0" * 8, b"\x7f" + b"\xff" * 7, (1 << 40).to_bytes(8, "little"), (1).to_bytes(8, "little"))

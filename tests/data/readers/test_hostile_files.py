@@ -11,9 +11,9 @@ import pytest
 from helpers_files import make_episodes, write_d4rl, write_minari, write_robomimic
 
 from lfobench.data.readers import robomimic
-from lfobench.data.readers.checks import check
 from lfobench.data.readers.formats import read
 from lfobench.data.readers.hdf5 import FileProblem
+from lfobench.data.readers.reading import check
 
 
 def replace_field(path: Path, field: str, **dataset: object) -> None:

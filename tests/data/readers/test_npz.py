@@ -12,9 +12,9 @@ import pytest
 from helpers_files import flat_arrays, make_episodes, write_d4rl, write_npz, write_npz_folder
 
 from lfobench.contract.episodes import Episodes
-from lfobench.data.readers.checks import check
 from lfobench.data.readers.formats import read, sha256, stamp
 from lfobench.data.readers.hdf5 import FileProblem
+from lfobench.data.readers.reading import check
 
 EPISODES = make_episodes()
 

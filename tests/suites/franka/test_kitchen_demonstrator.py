@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from safetensors.numpy import load_file
 
+from lfobench.cells.parts import specification
 from lfobench.contract.episodes import FloatArray
-from lfobench.data.generated import roll_out
+from lfobench.data.build import roll_out
 from lfobench.errors import UserError
-from lfobench.plan.parts import specification
 from suites.franka import planning
 from suites.franka.constants import SUB_TASKS
 from suites.franka.demonstrator import FILE, SIGNS, ScriptedDemonstrator, load

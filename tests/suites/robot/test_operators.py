@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lfobench.contract.episodes import Episodes
 from lfobench.contract.suite import Operator
 from lfobench.errors import UserError
-from lfobench.stats.proportions import wilson_interval
+from lfobench.stats.successes import wilson_interval
 from suites.robot import constants, tasks
 from suites.robot.operators import demonstrator, measure, operators
 from suites.robot.operators.hitting import Hitting

@@ -1,0 +1,1 @@
+"""Analyses of records and of published tables: comparisons, audits, power."""

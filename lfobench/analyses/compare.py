@@ -1,0 +1,533 @@
+"""Which cell is held against which: two methods of one folder by task, two folders by method and task."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeAlias
+
+from lfobench.errors import UserError, unknown_name
+from lfobench.records.record import Failure, Record, Warning, canonical_json
+from lfobench.records.score import Statistic
+from lfobench.stats.contrast import Comparison, Contrast, Outcome, best_p, contrast, scores_compared
+from lfobench.stats.highlight import DEFAULT_RULE, Rule
+from lfobench.stats.tests import Sample
+from lfobench.tables.building import build_table
+from lfobench.tables.comparable import arrange_columns, check_unmixed, differing_leaves
+from lfobench.tables.footnote import TESTS, unit
+from lfobench.tables.table import Cell, Column, Note
+
+Variant: TypeAlias = tuple[str, ...]
+"""What makes two columns of two folders the same: method, preset and what was set by hand, not their version."""
+
+_SHARED_NOTES = ("Score", "Episodes", "Source", "Protocol", "Simulator", "Precision", "Diverged", "Failed")
+
+
+@dataclass(frozen=True)
+class Side:
+    """What is compared: a folder or a method's column.
+
+    Attributes:
+        name: as the user called it.
+        heading: short, over its numbers.
+        records: its runs.
+        failures: its crashed runs.
+    """
+
+    name: str
+    heading: str
+    records: Sequence[Record]
+    failures: Sequence[Failure] = ()
+
+
+@dataclass(frozen=True)
+class Found:
+    """A cell and the records behind it."""
+
+    cell: Cell
+    records: Sequence[Record]
+
+
+Cells: TypeAlias = Mapping[tuple[str, Variant], Found]
+
+
+def cells_of(side: Side, statistic: Statistic, tasks: Sequence[str], rule: Rule) -> tuple[Cells, tuple[Note, ...]]:
+    """The cells of a side that have scores, in table order, and its footnote.
+
+    Raises:
+        UserError: records that must not share a table, or two variants of one cell that only their versions or
+            configurations tell apart.
+    """
+    try:
+        # Only whether successes are counted matters: a side has no highlights, which other tests could refuse.
+        shown = Rule("fisher") if rule.test == "fisher" else DEFAULT_RULE
+        table = build_table(side.records, statistic, shown, tasks, failures=side.failures)
+    except UserError as error:
+        raise UserError(f"{side.name}: {error.problem}", error.remedy) from error
+    columns = arrange_columns(side.records)
+    cells: dict[tuple[str, Variant], Found] = {}
+    for row, column, cell in table.cells():
+        if cell is None or cell.sample is None or column not in columns:
+            continue
+        records = [record for record in columns[column] if record.task == row.task]
+        key = (row.task, variant_of(records[0]))
+        if key in cells:
+            raise UserError(
+                f"{side.name} holds {column.method} on {row.task} in two versions or configurations.",
+                "Put the records of one of them into a folder of their own.",
+            )
+        cells[key] = Found(cell, records)
+    return cells, table.notes
+
+
+def variant_of(run: Record | Failure) -> Variant:
+    """The variant that a run belongs to."""
+    return run.method, str(run.identity["preset"]), canonical_json(run.identity["set"])
+
+
+def merged_notes(subject: Side, reference: Side, ours: Sequence[Note], theirs: Sequence[Note]) -> tuple[Note, ...]:
+    """What both footnotes say once, what only one says with its side."""
+    merged: list[Note] = []
+    for label in _SHARED_NOTES:
+        texts = {
+            side.heading: note.text
+            for side, notes in ((reference, theirs), (subject, ours))
+            for note in notes
+            if note.label == label
+        }
+        if len(texts) == 2 and len(set(texts.values())) == 1:
+            merged.append(Note(label, next(iter(texts.values()))))
+        else:
+            merged += [Note(f"{label}, {heading}", text) for heading, text in texts.items()]
+    return tuple(merged)
+
+
+SOFTWARE = frozenset({"schema", "method_version", "method_code", "config", "overrides", "tuned"})
+"""Fields of an identity that another version of the software may change."""
+
+MATCHED = frozenset({"method", "preset", "set", "task", "seed"})
+"""Fields that say which cell and which run of it; seeds are compared as samples, not one by one."""
+
+_LONGEST = 24
+
+FINGERPRINTS = "data_fingerprints"
+
+_MACHINE = (("packages",), ("source_revision",), ("device", "type"), ("device", "precision"))
+
+
+@dataclass(frozen=True)
+class CellRecords:
+    """The records of one cell in both folders, and what to call the cell: ``dilo on hopper-random-expert``."""
+
+    name: str
+    reference: Sequence[Record]
+    subject: Sequence[Record]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One field in which two folders differ.
+
+    Attributes:
+        field: dotted, as in the identity; of a `machine` difference as in the provenance.
+        reference: its value in the first folder, as JSON.
+        subject: in the second.
+        kind: `software`: may differ; `condition`: may differ only where it was allowed; `machine`: where it was run,
+            which may differ and may change the last digits of a number.
+        cells: names of the cells concerned; empty for `machine`.
+    """
+
+    field: str
+    reference: str
+    subject: str
+    kind: Literal["software", "condition", "machine"]
+    cells: tuple[str, ...] = ()
+
+
+def differences(cells: Sequence[CellRecords]) -> list[Difference]:
+    """Everything that differs in any cell, conditions first."""
+    found: dict[tuple[str, str, str], Difference] = {}
+    for cell in cells:
+        # Records of one cell differ in the seed alone, and those of one task share their data.
+        for field, one, two in differing_leaves(_described(cell.reference[0]), _described(cell.subject[0])):
+            kind: Literal["software", "condition"] = "software" if _top(field) in SOFTWARE else "condition"
+            new = Difference(field, _text(one), _text(two), kind)
+            known = found.setdefault((field, new.reference, new.subject), new)
+            found[field, new.reference, new.subject] = replace(known, cells=(*known.cells, cell.name))
+    return [*sorted(found.values(), key=lambda each: (each.kind, each.field)), *_machines(cells)]
+
+
+def refuse_other_conditions(cells: Sequence[CellRecords], found: Iterable[Difference], allowed: Sequence[str]) -> None:
+    """Refuses conditions that differ, unless `allowed` names the field or one that it lies in.
+
+    Raises:
+        UserError: such a difference, or an allowed field that no record has.
+    """
+    known = {FINGERPRINTS}.union(
+        *(record.identity for cell in cells for record in (cell.reference[0], cell.subject[0]))
+    )
+    for name in allowed:
+        if _top(name) not in known:
+            raise unknown_name("field in --allow", name, known)
+    refused = [
+        each
+        for each in found
+        if each.kind == "condition" and not any(f"{each.field}.".startswith(f"{name}.") for name in allowed)
+    ]
+    if not refused:
+        return
+    first = refused[0]
+    fields = list(dict.fromkeys(each.field for each in refused))
+    others = f" Other fields differ too: {', '.join(fields[1:])}." if fields[1:] else ""
+    raise UserError(
+        f"The folders were not run under the same conditions: for {first.cells[0]}, {first.field} is "
+        f"{shortened(first.reference)} in the first and {shortened(first.subject)} in the second.{others}",
+        f"If that is what you want to compare, add {' '.join(f'--allow {name}' for name in _shortest(fields))}.",
+    )
+
+
+def shortened(value: str) -> str:
+    """A value that is too long for a line, such as a hash, cut off; the JSON holds it whole."""
+    return value if len(value) <= _LONGEST else f"{value[: _LONGEST - 1]}…"
+
+
+def _shortest(fields: Sequence[str]) -> list[str]:
+    """The fewest names that allow all of these: a field, or what several of them lie in."""
+    tops = [_top(field) for field in fields]
+    return list(dict.fromkeys(top if tops.count(top) > 1 else field for field, top in zip(fields, tops, strict=True)))
+
+
+def _top(field: str) -> str:
+    return field.partition(".")[0]
+
+
+def _described(record: Record) -> dict[str, Any]:
+    fields = {field: value for field, value in record.identity.items() if field not in MATCHED}
+    return fields | {FINGERPRINTS: record.provenance.get(FINGERPRINTS, {})}
+
+
+def _machines(cells: Sequence[CellRecords]) -> Iterator[Difference]:
+    one = _provenance([record for cell in cells for record in cell.reference])
+    two = _provenance([record for cell in cells for record in cell.subject])
+    for field in sorted({*one, *two}):
+        before, after = (" and ".join(sorted(values.get(field, {"none"}))) for values in (one, two))
+        if before != after:
+            yield Difference(field, before, after, "machine")
+
+
+def _provenance(records: Iterable[Record]) -> dict[str, set[str]]:
+    """Every value that occurs of what may matter of the machine, by dotted name."""
+    values: dict[str, set[str]] = {}
+    for record in records:
+        for place in _MACHINE:
+            found: Any = record.provenance
+            for step in place:
+                # Provenance is free text of whoever wrote the record.
+                found = found.get(step) if isinstance(found, Mapping) else None
+            leaves = found if isinstance(found, Mapping) else {} if found is None else {"": found}
+            for name, value in leaves.items():
+                values.setdefault(".".join(filter(None, [*place, name])), set()).add(str(value))
+    return values
+
+
+def _text(value: Any) -> str:
+    return "none" if value is None else canonical_json(value)
+
+
+CellName: TypeAlias = tuple[str, str]
+"""(task, column label); no label where two methods are compared, since each cell then has both."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One cell on both sides; both have scores.
+
+    Attributes:
+        subject: judged.
+        reference: what it is held against.
+        identical_runs: runs of one identity whose evaluations are equal on both sides, bit for bit.
+        changed_runs: runs of one identity whose evaluations are not.
+    """
+
+    subject: Cell
+    reference: Cell
+    identical_runs: int = 0
+    changed_runs: int = 0
+
+    @property
+    def identical(self) -> bool:
+        """Whether both sides hold the same runs and nothing else, so that there is nothing to test."""
+        return self.identical_runs == len(self.subject.seeds) == len(self.reference.seeds)
+
+    @property
+    def samples(self) -> tuple[Sample, Sample]:
+        """The subject's scores and the reference's."""
+        assert self.subject.sample is not None
+        assert self.reference.sample is not None
+        return self.subject.sample, self.reference.sample
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """All cells of a comparison.
+
+    Attributes:
+        kind: what the sides are.
+        subject: the side that is judged: the first method, or the second folder.
+        reference: the other.
+        pairs: the cells of both.
+        only_subject: cells that the reference lacks.
+        only_reference: cells that the subject lacks.
+        crashed: those of `only_reference` where the subject was tried and every seed crashed.
+        differences: what two folders differ in besides; refused ones never get here.
+        notes: what their tables' footnotes say.
+    """
+
+    kind: Literal["methods", "folders"]
+    subject: Side
+    reference: Side
+    pairs: Mapping[CellName, Pair]
+    only_subject: tuple[CellName, ...]
+    only_reference: tuple[CellName, ...]
+    notes: tuple[Note, ...]
+    crashed: frozenset[CellName] = frozenset()
+    differences: tuple[Difference, ...] = ()
+
+    @property
+    def unit(self) -> str:
+        """What one cell is called: two methods differ on a task, two folders in a cell."""
+        return "task" if self.kind == "methods" else "cell"
+
+
+def name_of(cell: CellName) -> str:
+    """``dilo on hopper-random-expert``, or the task alone."""
+    task, label = cell
+    return f"{label} on {task}" if label else task
+
+
+def pair_methods(
+    records: Sequence[Record],
+    failures: Sequence[Failure],
+    first: str,
+    second: str,
+    statistic: Statistic,
+    tasks: Sequence[str] = (),
+    rule: Rule = DEFAULT_RULE,
+) -> Pairing:
+    """The first method against the second, on every task; a method with several columns is named by its column.
+
+    The cells hold what the test of `rule` compares.
+
+    Raises:
+        UserError: an unknown or an ambiguous name, one method against itself, records that must not share a table, or
+            no task of both.
+    """
+    columns = arrange_columns(records)
+    one, two = _column(first, columns), _column(second, columns)
+    if one == two:
+        raise UserError(f"'{first}' and '{second}' are the same records.", "Name two methods.")
+    check_unmixed([*columns[one], *columns[two]])
+    subject, reference = (
+        Side(column.label, column.label, columns[column], [each for each in failures if each.method == column.method])
+        for column in (one, two)
+    )
+    cells, notes = zip(*(cells_of(side, statistic, tasks, rule) for side in (subject, reference)), strict=True)
+    by_task: list[Cells] = [{(task, ()): found for (task, _), found in each.items()} for each in cells]
+    return _paired("methods", subject, reference, by_task[0], by_task[1], {}, merged_notes(subject, reference, *notes))
+
+
+def pair_folders(
+    reference: Side,
+    subject: Side,
+    statistic: Statistic,
+    tasks: Sequence[str] = (),
+    allowed: Sequence[str] = (),
+    rule: Rule = DEFAULT_RULE,
+) -> Pairing:
+    """The second folder's cells against the first's, which hold what the test of `rule` compares.
+
+    Raises:
+        UserError: no cell of both, two variants of one cell in a folder, records of a folder that must not share a
+            table, or conditions that differ and are not `allowed`.
+    """
+    theirs, their_notes = cells_of(reference, statistic, tasks, rule)
+    ours, our_notes = cells_of(subject, statistic, tasks, rule)
+    labels = _labels([*ours.values(), *(found for key, found in theirs.items() if key not in ours)])
+    pairing = _paired(
+        "folders", subject, reference, ours, theirs, labels, merged_notes(subject, reference, our_notes, their_notes)
+    )
+    common = [
+        CellRecords(f"{labels[found.records[0].identity_hash]} on {key[0]}", theirs[key].records, found.records)
+        for key, found in ours.items()
+        if key in theirs
+    ]
+    differing = differences(common)
+    refuse_other_conditions(common, differing, allowed)
+    tried = {(failure.task, variant_of(failure)) for failure in subject.failures}
+    crashed = frozenset(
+        (key[0], labels[each.records[0].identity_hash])
+        for key, each in theirs.items()
+        if key not in ours and key in tried
+    )
+    return replace(pairing, differences=tuple(differing), crashed=crashed)
+
+
+def _column(name: str, columns: Iterable[Column]) -> Column:
+    every = list(columns)
+    named = [column for column in every if column.label == name] or [
+        column for column in every if column.method == name
+    ]
+    if not named:
+        raise unknown_name("method among these records", name, {column.label for column in every})
+    if len(named) > 1:
+        labels = " or ".join(f"'{column.label}'" for column in named)
+        raise UserError(f"{name} was run in more than one way.", f"Name one: {labels}.")
+    return named[0]
+
+
+def _labels(found: Iterable[Found]) -> dict[str, str]:
+    """Column label by identity hash, unique among all these cells."""
+    columns = arrange_columns([record for each in found for record in each.records])
+    return {record.identity_hash: column.label for column, records in columns.items() for record in records}
+
+
+def _paired(
+    kind: Literal["methods", "folders"],
+    subject: Side,
+    reference: Side,
+    ours: Cells,
+    theirs: Cells,
+    labels: Mapping[str, str],
+    notes: tuple[Note, ...],
+) -> Pairing:
+    def name(key: tuple[str, Variant]) -> CellName:
+        return key[0], labels.get((ours.get(key) or theirs[key]).records[0].identity_hash, "")
+
+    common = [key for key in ours if key in theirs]
+    if not common:
+        raise UserError(
+            f"{subject.name} and {reference.name} have no cell in common: there is {_listed(map(name, ours))} on one "
+            f"side and {_listed(map(name, theirs))} on the other.",
+            "Run the same tasks for both.",
+        )
+    return Pairing(
+        kind=kind,
+        subject=subject,
+        reference=reference,
+        pairs={name(key): _pair(ours[key], theirs[key]) for key in common},
+        only_subject=tuple(name(key) for key in ours if key not in theirs),
+        only_reference=tuple(name(key) for key in theirs if key not in ours),
+        notes=notes,
+    )
+
+
+def _listed(cells: Iterable[CellName]) -> str:
+    names = [name_of(cell) for cell in cells]
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+def _pair(ours: Found, theirs: Found) -> Pair:
+    known = {record.identity_hash: record for record in theirs.records}
+    same = [
+        _outcome(record) == _outcome(other) for record in ours.records if (other := known.get(record.identity_hash))
+    ]
+    return Pair(ours.cell, theirs.cell, identical_runs=sum(same), changed_runs=len(same) - sum(same))
+
+
+def _outcome(record: Record) -> tuple[object, ...]:
+    return record.status, record.diverged_at, record.evaluations, record.further
+
+
+Verdict: TypeAlias = Outcome | Literal["identical"]
+
+VERDICTS: tuple[Verdict, ...] = ("worse", "undecided", "better", "untested", "identical")
+"""In the order of the output: what asks for a look comes first."""
+
+_UNJUDGED = "They cannot be judged, and do not count for the exit code."
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A comparison with its outcome. Identical cells are not in `contrast`: they take no part in the correction."""
+
+    pairing: Pairing
+    contrast: Contrast[CellName]
+    rule: Rule
+    statistic: Statistic
+
+    @property
+    def regressed(self) -> bool:
+        """Whether the second folder is worse on any cell; of two methods, one may well be."""
+        return self.pairing.kind == "folders" and bool(self.contrast.having("worse"))
+
+    def verdict(self, cell: CellName) -> Verdict:
+        """What is said of a cell."""
+        return "identical" if self.pairing.pairs[cell].identical else self.contrast.cells[cell].outcome
+
+    def having(self, verdict: Verdict) -> list[CellName]:
+        """The cells of one verdict."""
+        return [cell for cell in self.pairing.pairs if self.verdict(cell) == verdict]
+
+
+def compare(pairing: Pairing, rule: Rule, statistic: Statistic) -> Compared:
+    """Judge the subject of a pairing by a rule, whose scope plays no part.
+
+    Raises:
+        UserError: the test cannot be made with these records, or α is 0 or 1.
+    """
+    if not 0.0 < rule.alpha < 1.0:
+        raise UserError(f"At level {rule.alpha:g} every verdict is settled beforehand.", "Use --alpha 0.05.")
+    try:
+        outcome = contrast({cell: pair.samples for cell, pair in pairing.pairs.items() if not pair.identical}, rule)
+    except ValueError as error:
+        raise UserError(f"The test cannot be made: {error}", "Choose another with --test, e.g. welch.") from error
+    return Compared(pairing, outcome, rule, statistic)
+
+
+def warnings_of(compared: Compared) -> list[Warning]:
+    """What a reader of the exit code alone must not miss."""
+    pairing, warnings = compared.pairing, []
+    if pairing.kind == "folders" and pairing.only_reference:
+        gone = ", ".join(
+            name_of(cell) + (" (every seed crashed)" if cell in pairing.crashed else "")
+            for cell in pairing.only_reference
+        )
+        warnings.append(
+            Warning(what=f"{pairing.subject.name} lacks cells of {pairing.reference.name}: {gone}.", remedy=_UNJUDGED)
+        )
+    if blind := blind_because(compared):
+        warnings.append(Warning(what=f"This comparison cannot find anything: {blind}.", remedy="Use more, or --test."))
+    return warnings
+
+
+def summary(compared: Compared) -> str:
+    """``dilo against smodice: better on 1 task, worse on 0, undecided on 1``; a regression gate says worse first."""
+    pairing = compared.pairing
+    words: list[Verdict] = (
+        ["better", "worse", "undecided"] if pairing.kind == "methods" else ["worse", "undecided", "better"]
+    )
+    parts: list[str] = []
+    for verdict in [*words, *(other for other in VERDICTS if other not in words and compared.having(other))]:
+        count = len(compared.having(verdict))
+        counted = f"{count}" if parts else f"{count} {pairing.unit}{'' if count == 1 else 's'}"
+        parts.append(f"{verdict}{'' if verdict == 'identical' else ' on'} {counted}")
+    return f"{pairing.subject.heading} against {pairing.reference.heading}: {', '.join(parts)}"
+
+
+def blind_because(compared: Compared) -> str | None:
+    """Why no scores whatever could have led to a verdict; None where some could, or where all is identical."""
+    judged, rule = list(compared.contrast.cells.values()), compared.rule
+    if not judged or any(cell.reachable for cell in judged):
+        return None
+    units = f"{unit(rule.test)}s"
+    tested = [cell for cell in judged if cell.p is not None]
+    if not tested:
+        return f"no cell has two {units} on both sides"
+    largest = max(tested, key=lambda cell: min(_sizes(cell, rule)))
+    sizes = " against ".join(map(str, _sizes(largest, rule)))
+    times = f", times {len(tested)} under Holm" if rule.correction == "holm" and len(tested) > 1 else ""
+    return f"with {sizes} {units}, {TESTS[rule.test]} gives at best p = {best_p(largest, rule.test):.2g}{times}"
+
+
+def _sizes(cell: Comparison, rule: Rule) -> tuple[int, int]:
+    return scores_compared(rule.test, cell.subject), scores_compared(rule.test, cell.reference)

@@ -1,0 +1,114 @@
+"""The data that a command line names: tasks of a suite, from a source, as much of it as a protocol reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lfobench.cells.cell import Protocol
+from lfobench.cells.names import chosen_tasks
+from lfobench.cells.parts import PartRequest, build_command, requests
+from lfobench.cells.plan import choose_protocol
+from lfobench.cells.sources import check_here, choose_source, read_from, spelled
+from lfobench.contract.suite import Suite, Task
+from lfobench.data.build import ImportJob, ShardJob, missing_shards
+from lfobench.data.cache import PartCache
+from lfobench.data.library import Library
+from lfobench.data.source import TaskData, check_columns, load_task
+from lfobench.files import cache_folder
+from lfobench.registry import load_suite
+
+
+@dataclass(frozen=True)
+class AskedData:
+    """Data by name, before any of it is made or read.
+
+    Attributes:
+        name: of the suite, or the path of its file.
+        suite: behind it.
+        tasks: the chosen ones, as the source has them, with its files where they are here.
+        source: its name.
+        protocol: which decides how much is read.
+        cache: where shards lie.
+    """
+
+    name: str
+    suite: Suite
+    tasks: tuple[Task, ...]
+    source: str
+    protocol: Protocol
+    cache: Path
+
+    @property
+    def requests(self) -> list[tuple[str, PartRequest]]:
+        """Every part, with the name of the task that reads it."""
+        return [
+            (task.name, request)
+            for task in self.tasks
+            for request in requests(self.suite, task, self.protocol.recipe_for(task))
+        ]
+
+    def missing_shards(self) -> list[ShardJob | ImportJob]:
+        """Those that are not in the cache and can be made."""
+        return missing_shards(self.cache, self.name, self.requests)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Per task and part: transitions needed (None of a part recorded by episodes), shards there, folder."""
+        return [_row(task, request, PartCache(self.cache, request.specification)) for task, request in self.requests]
+
+    def check_files(self) -> None:
+        """Hold the files that tasks are read from, once they are in the cache, against the environments.
+
+        Raises:
+            UserError: a file's rows are not as wide as the environment's.
+        """
+        for task in self.tasks:
+            check_columns(self.cache, self.suite, task, self.protocol.recipe_for(task), self.rebuild(task))
+
+    def load(self, task: Task) -> TaskData:
+        """Read one of the tasks' data.
+
+        Raises:
+            UserError: a file is not here, or a shard is missing or damaged.
+        """
+        check_here([task], self.name, self.source)
+        return load_task(self.cache, self.suite, task, self.protocol.recipe_for(task), self.rebuild(task))
+
+    def rebuild(self, task: Task) -> str:
+        """The command that makes a task's missing shards."""
+        return build_command(self.name, self.protocol.name, task.name, spelled(task, self.source))
+
+
+def asked_data(suite: str, tasks: str | None, protocol: str, source: str) -> AskedData:
+    """Names to data.
+
+    Args:
+        suite: a name, or the path of a file.
+        tasks: globs; None takes all.
+        protocol: a name, or ``auto``.
+        source: as ``--source`` takes it.
+
+    Raises:
+        UserError: an unknown name, or a file of the user's that is not there.
+    """
+    import torch
+
+    loaded, cache = load_suite(suite), cache_folder()
+    name, own = choose_source(source, loaded)
+    chosen = chosen_tasks(loaded, tasks)
+    budget, _ = choose_protocol(protocol, "cuda" if torch.cuda.is_available() else "cpu")
+    return AskedData(suite, loaded, tuple(read_from(chosen, name, own, Library(cache).find)), name, budget, cache)
+
+
+def _row(task: str, request: PartRequest, cache: PartCache) -> dict[str, Any]:
+    shards = request.specification.shards_for(request.transitions)
+    return {
+        "task": task,
+        "part": request.specification.level,
+        "transitions": request.transitions,
+        "episodes": request.trajectories,
+        "shards": shards,
+        "shards_present": shards - len(cache.missing(request.transitions)),
+        "folder": str(cache.folder),
+    }

@@ -1,1 +1,0 @@
-"""Where jobs run: in this process or in a pool of processes."""

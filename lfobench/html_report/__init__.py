@@ -1,0 +1,1 @@
+"""The report: one HTML page with verdict, table, curves, provenance and commands."""

@@ -1,0 +1,1 @@
+"""Figures of records: curves, comparisons of methods, pictures of tasks. Nothing about files."""

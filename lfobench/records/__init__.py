@@ -1,0 +1,1 @@
+"""Records of runs on disk: written once, atomically, readable by anyone."""

@@ -1,1 +1,0 @@
-"""Figures of a table: what is drawn, and nothing about files."""

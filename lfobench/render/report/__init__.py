@@ -1,1 +1,0 @@
-"""One page that says what the records show: verdict, table, curves, provenance, commands."""

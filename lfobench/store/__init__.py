@@ -1,1 +1,0 @@
-"""Records on disk: written once, atomically, readable by anyone."""

@@ -1,0 +1,1 @@
+"""Formats of a table: terminal, Markdown, LaTeX, HTML, CSV and JSON."""

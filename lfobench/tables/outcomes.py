@@ -1,0 +1,303 @@
+"""How episodes ended: for every task and method, each outcome with its count."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.text import Text
+
+from lfobench.errors import UserError
+from lfobench.records.record import SUCCESS, Failure, Record
+from lfobench.records.score import SUCCESS_RATE
+from lfobench.stats.highlight import Rule
+from lfobench.tables.building import build_table
+from lfobench.tables.comparable import arrange_columns
+from lfobench.tables.counting import DIVERGED_OUTCOME, LEAVE_OUT, check_outcomes, fixed_outcomes, further_outcomes
+from lfobench.tables.exporters import latex, markdown
+from lfobench.tables.exporters.data import csv_text
+from lfobench.tables.exporters.terminal import Section, aligned, wrapped
+from lfobench.tables.table import HIGHLIGHT_NOTE, MISSING, Cell, Column, Note, Row, cell_text
+
+_ABOUT_NUMBERS = frozenset({"Score", "Episodes", HIGHLIGHT_NOTE, "†", "Design", "Demonstration"})
+"""Notes of a table of success counts that say nothing of how episodes ended."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One method on one task.
+
+    Attributes:
+        group: block of the task.
+        row: the task.
+        column: the method.
+        cell: its seeds, and which of them diverged or failed; None where there is no record.
+        counts: episodes by outcome, those of the table's outcomes that occur.
+    """
+
+    group: str
+    row: Row
+    column: Column
+    cell: Cell | None
+    counts: Mapping[str, int]
+
+    @property
+    def episodes(self) -> int:
+        """All of them."""
+        return sum(self.counts.values())
+
+    def percent(self, outcome: str) -> float:
+        """Episodes that ended so, in per cent of all; there must be any."""
+        return 100.0 * self.counts.get(outcome, 0) / self.episodes
+
+
+@dataclass(frozen=True)
+class OutcomeTable:
+    """Every task and method.
+
+    Attributes:
+        outcomes: success first, then the failures, the most frequent first; diverged seeds' episodes last.
+        lines: task by task, the methods in column order.
+        notes: the footnote.
+        source: where the data came from.
+        protocol: name of the protocol.
+    """
+
+    outcomes: tuple[str, ...]
+    lines: tuple[Line, ...]
+    notes: tuple[Note, ...]
+    source: str
+    protocol: str
+
+
+def outcome_table(
+    records: Sequence[Record],
+    tasks: Sequence[str] = (),
+    methods: Sequence[str] = (),
+    failures: Sequence[Failure] = (),
+) -> OutcomeTable:
+    """How the episodes behind success counts ended; arguments as of `build_table`.
+
+    Raises:
+        UserError: there are no records, they must not share a table, or some do not say how their episodes ended.
+    """
+    if records:
+        check_outcomes(records, "--outcomes counts how episodes ended", LEAVE_OUT.capitalize())
+    table = build_table(records, SUCCESS_RATE, Rule("fisher"), tasks, methods, failures)
+    members = arrange_columns(records, methods)
+    lines = tuple(
+        Line(
+            block.label,
+            row,
+            column,
+            cell,
+            _counts([record for record in members.get(column, []) if record.task == row.task]),
+        )
+        for block, row in table.rows()
+        for column, cell in zip(table.columns, row.cells, strict=True)
+        if column.run_here
+    )
+    about = Note(
+        "Outcomes",
+        "episodes that ended so, and their part of all episodes of the task and method, pooled over seeds: those of "
+        "the last evaluation and, where a task has further starts, of the trained policy from them.",
+    )
+    notes = (about, *(note for note in table.notes if note.label not in _ABOUT_NUMBERS))
+    return OutcomeTable(_in_order(lines), lines, notes, table.source, table.protocol)
+
+
+def _counts(records: Sequence[Record]) -> Counter[str]:
+    return Counter(outcome for record in records for outcome in [*fixed_outcomes(record), *further_outcomes(record)])
+
+
+def _in_order(lines: Sequence[Line]) -> tuple[str, ...]:
+    total: Counter[str] = Counter()
+    for line in lines:
+        total.update(line.counts)
+    failures = sorted(total.keys() - {SUCCESS}, key=lambda each: (each == DIVERGED_OUTCOME, -total[each], each))
+    return (SUCCESS, *failures)
+
+
+FIELDS = (
+    "group",
+    "row",
+    "task",
+    "column",
+    "method",
+    "preset",
+    "outcome",
+    "count",
+    "episodes",
+    "percent",
+    "seeds",
+    "diverged_seeds",
+    "failed_seeds",
+    "source",
+    "protocol",
+)
+
+
+def export_outcomes(table: OutcomeTable, format_name: str) -> str:
+    """`table` in the named format.
+
+    Raises:
+        UserError: outcomes have no such format.
+    """
+    check_format(format_name)
+    return FORMATS[format_name](table)
+
+
+def check_format(format_name: str) -> None:
+    """Refuses a textual format that outcomes do not have.
+
+    Raises:
+        UserError: naming those that they have.
+    """
+    if format_name not in FORMATS:
+        raise UserError(
+            f"--outcomes has no format '{format_name}'.", f"Choose terminal, {', '.join(FORMATS)} with --format."
+        )
+
+
+def terminal_outcomes(table: OutcomeTable) -> RenderableType:
+    """What ``Console.print`` draws `table` from."""
+    return _TerminalOutcomes(table)
+
+
+class _TerminalOutcomes:
+    def __init__(self, table: OutcomeTable) -> None:
+        self.table = table
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        sections = [
+            Section(row.task, "bold", [[_label(line), *_numbers(self.table, line)] for line in lines])
+            for row, lines in _by_task(self.table)
+        ]
+        yield from aligned(["episodes", *self.table.outcomes], sections, options.max_width)
+        yield Text()
+        yield from wrapped(self.table.notes, options.max_width)
+
+
+def _markdown(table: OutcomeTable) -> str:
+    headings = ["Task", "Method", "episodes", *map(markdown.escape, table.outcomes)]
+    lines = [_row(headings), _row([":--", ":--", *["--:"] * (len(headings) - 2)])]
+    for row, of_task in _by_task(table):
+        for index, line in enumerate(of_task):
+            task = "" if index else markdown.escape(row.task)
+            lines.append(_row([task, markdown.escape(_label(line)), *_numbers(table, line)]))
+    notes = [f"- **{markdown.escape(note.label)}**: {markdown.escape(note.text)}" for note in table.notes]
+    return "\n".join([*lines, "", *notes]) + "\n"
+
+
+def _row(fields: list[str]) -> str:
+    return f"| {' | '.join(fields)} |"
+
+
+def _latex(table: OutcomeTable) -> str:
+    escape = latex.escape
+    lines = [
+        r"% Needs \usepackage{booktabs}.",
+        r"\begin{table}[t]",
+        r"\centering\footnotesize\setlength{\tabcolsep}{3pt}",
+        rf"\begin{{tabular}}{{@{{}}l{'r' * (len(table.outcomes) + 1)}@{{}}}}",
+        r"\toprule",
+        " & ".join(["Method", "episodes", *map(escape, table.outcomes)]) + r" \\",
+    ]
+    for row, of_task in _by_task(table):
+        lines += [r"\midrule", rf"\multicolumn{{{len(table.outcomes) + 2}}}{{@{{}}l}}{{{escape(row.task)}}} \\"]
+        lines += [
+            " & ".join([rf"\quad {escape(_label(line))}", *map(escape, _numbers(table, line))]) + r" \\"
+            for line in of_task
+        ]
+    lines += [r"\bottomrule", r"\end{tabular}", "", r"\medskip", r"\begin{minipage}{\linewidth}\footnotesize"]
+    lines += [rf"\textbf{{{escape(note.label)}:}} {escape(note.text)}\par" for note in table.notes]
+    return "\n".join([*lines, r"\end{minipage}", r"\end{table}"]) + "\n"
+
+
+def _comma_separated(table: OutcomeTable) -> str:
+    lines: list[Sequence[object]] = [FIELDS]
+    for line in table.lines:
+        if line.cell is None or not line.episodes:
+            continue
+        seeds = [line.cell.seeds, line.cell.diverged_seeds, line.cell.failed_seeds]
+        for outcome in table.outcomes:
+            lines.append(
+                [
+                    *(line.group, line.row.label, line.row.task),
+                    *(line.column.label, line.column.method, line.column.preset),
+                    *(outcome, line.counts.get(outcome, 0), line.episodes, line.percent(outcome)),
+                    *(" ".join(map(str, each)) for each in seeds),
+                    *(table.source, table.protocol),
+                ]
+            )
+    return csv_text(lines)
+
+
+def _json(table: OutcomeTable) -> str:
+    rows = [
+        {
+            "group": line.group,
+            "row": line.row.label,
+            "task": line.row.task,
+            "column": line.column.label,
+            "method": line.column.method,
+            "preset": line.column.preset,
+            "episodes": line.episodes,
+            "outcomes": {outcome: line.counts.get(outcome, 0) for outcome in table.outcomes},
+            "seeds": list(line.cell.seeds) if line.cell else [],
+            "diverged_seeds": list(line.cell.diverged_seeds) if line.cell else [],
+            "failed_seeds": list(line.cell.failed_seeds) if line.cell else [],
+        }
+        for line in table.lines
+    ]
+    value = {
+        "source": table.source,
+        "protocol": table.protocol,
+        "outcomes": list(table.outcomes),
+        "rows": rows,
+        "notes": [{"label": note.label, "text": note.text} for note in table.notes],
+    }
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+
+
+FORMATS: dict[str, Callable[[OutcomeTable], str]] = {
+    "markdown": _markdown,
+    "latex": _latex,
+    "csv": _comma_separated,
+    "json": _json,
+}
+
+
+def _by_task(table: OutcomeTable) -> Iterator[tuple[Row, list[Line]]]:
+    for _, lines in groupby(table.lines, key=lambda line: line.row.task):
+        of_task = list(lines)
+        yield of_task[0].row, of_task
+
+
+def _label(line: Line) -> str:
+    """The method, and how many of its seeds diverged or failed: ``dilo ✗1 !2``."""
+    marks = cell_text(line.cell).marks if line.cell else ""
+    return f"{line.column.label} {marks}".rstrip()
+
+
+def _numbers(table: OutcomeTable, line: Line) -> list[str]:
+    """Episodes, then every outcome: ``61 (87%)``."""
+    if not line.episodes:
+        return [cell_text(line.cell).mean if line.cell else MISSING] * (len(table.outcomes) + 1)
+    return [str(line.episodes), *(_share(line, outcome) for outcome in table.outcomes)]
+
+
+def _share(line: Line, outcome: str) -> str:
+    count = line.counts.get(outcome, 0)
+    if not count:
+        return "0"
+    percent = f"{line.percent(outcome):.0f}"
+    if percent == "0":
+        percent = "<1"
+    elif percent == "100" and count < line.episodes:
+        percent = ">99"
+    return f"{count} ({percent}%)"
