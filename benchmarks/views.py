@@ -16,9 +16,10 @@ import lfobench
 from benchmarks.built_task import CPU, cell_of
 from benchmarks.pairs import Spread
 from lfobench.cells.cell import Run
+from lfobench.record import Evaluation, Metrics, Record
 from lfobench.records.folder import SEAL
-from lfobench.records.record import Evaluation, Metrics, Record, content_hash
 from lfobench.stats.aggregates import REPLICATES, interquartile_mean
+from lfobench.text import content_hash
 
 METHODS, TASKS, SEEDS = 8, 24, 7
 RECORDS, EVALUATIONS, EPISODES = 10_000, 20, 10

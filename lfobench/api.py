@@ -25,12 +25,12 @@ from lfobench.cells.names import split_names
 from lfobench.cells.plan import Plan, Request
 from lfobench.errors import UserError, unknown_name
 from lfobench.files import write_text
+from lfobench.record import Failure, Record, Warning
 from lfobench.records.folder import RecordFolder, RecordsRead, read_failures, read_folder, select
 from lfobench.records.frame import load
 from lfobench.records.published import read_publication
-from lfobench.records.record import Failure, Record, Warning
-from lfobench.records.score import Statistic
 from lfobench.registry import give_method, is_place, load_method, load_suite, load_suites
+from lfobench.score import Statistic
 from lfobench.stats.highlight import Rule
 from lfobench.tables.building import build_table
 from lfobench.tables.counting import knobs

@@ -29,7 +29,7 @@ from lfobench.contract.method import Method, MethodConfig
 from lfobench.contract.suite import Suite
 from lfobench.errors import UserError, cause, unknown_name
 from lfobench.python_files import forget, load_file
-from lfobench.records.record import Warning
+from lfobench.record import Warning
 from lfobench.source_code import code_of, edited_since, ships
 
 METHODS = "lfobench.methods"

@@ -41,7 +41,7 @@ import lfobench
 from lfobench.contract.method import Method
 from lfobench.errors import UserError
 from lfobench.python_files import PREFIX
-from lfobench.records.record import canonical_json, content_hash
+from lfobench.text import canonical_json, content_hash
 
 SHIPPED = frozenset({"lfobench", "methods", "suites", "benchmarks"})
 """Top-level packages of this distribution, which no method's folder stands in for."""

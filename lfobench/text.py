@@ -1,6 +1,10 @@
-"""Words of messages: counts with their nouns, numbers that stay short, and text from outside made harmless."""
+"""Text: counts with their nouns, short numbers, text from outside made harmless, canonical JSON and its hash."""
 
 from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
 
 MOST_SHOWN = 40
 """Characters of a name from a file, or of what a host says."""
@@ -45,3 +49,13 @@ def shown(text: str, most: int = MOST_SHOWN) -> str:
     """Text from outside on one line of at most so many characters; those that a terminal would obey are escaped."""
     escaped = " ".join(harmless(text[: 2 * most]).split())
     return escaped if len(escaped) <= most and len(text) <= 2 * most else f"{escaped[: most - 1]}…"
+
+
+def canonical_json(value: Any) -> str:
+    """The one spelling of a JSON value that hashes are taken of."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def content_hash(value: Any) -> str:
+    """SHA-256 (hex) of the canonical JSON of `value`."""
+    return hashlib.sha256(canonical_json(value).encode()).hexdigest()

@@ -30,8 +30,8 @@ from lfobench.engine.batches import StageSampler
 from lfobench.engine.job import Advance, Job, Left, Recorded, carry_out
 from lfobench.files import locked
 from lfobench.randomness import StepRandomness
+from lfobench.record import Record
 from lfobench.records.folder import RecordFolder, read_record
-from lfobench.records.record import Record
 from lfobench.registry import load_suite
 
 TINY = str(Path(__file__).with_name("tiny_suite.py"))

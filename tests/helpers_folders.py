@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from lfobench.record import Failure, Record
 from lfobench.records.folder import FAILURE_SUFFIX, SEAL
-from lfobench.records.record import Failure, Record, content_hash
+from lfobench.text import content_hash
 
 
 def write_records(folder: Path, records: Iterable[Record]) -> Path:

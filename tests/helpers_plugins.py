@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from lfobench import python_files, registry
+from lfobench.record import Record
 from lfobench.records.folder import RecordFolder
-from lfobench.records.record import Record
 
 METHOD = '''
 import torch

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from lfobench.records.record import SUCCESS, Evaluation, Labels, Record, Tuning, Warning, content_hash
+from lfobench.record import SUCCESS, Evaluation, Labels, Record, Tuning, Warning
+from lfobench.text import content_hash
 
 
 def make_record(

@@ -22,15 +22,29 @@ MAY_IMPORT: dict[str, set[str]] = {
     "contract": {"errors", "text", "randomness"},
     "nn": {"contract", "randomness"},
     "python_files": {"errors"},
-    "source_code": {"contract", "errors", "python_files"},
-    "registry": {"contract", "errors", "python_files", "source_code"},
-    "cells": {"contract", "errors", "registry", "source_code", "text"},
-    "data": {"contract", "cells", "errors", "files", "processes", "registry", "randomness", "tensor_files", "text"},
-    "records": {"contract", "cells", "errors", "files", "text"},
+    "source_code": {"contract", "errors", "python_files", "text"},
+    "registry": {"contract", "errors", "python_files", "record", "source_code"},
+    "score": {"errors"},
+    "record": {"errors", "score", "text"},
+    "cells": {"contract", "errors", "record", "registry", "source_code", "text"},
+    "data": {
+        "record",
+        "contract",
+        "cells",
+        "errors",
+        "files",
+        "processes",
+        "registry",
+        "randomness",
+        "tensor_files",
+        "text",
+    },
+    "records": {"record", "score", "contract", "cells", "errors", "files", "text"},
     "engine": {
         "contract",
         "cells",
         "data",
+        "record",
         "records",
         "errors",
         "files",
@@ -38,6 +52,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "randomness",
         "registry",
         "source_code",
+        "text",
         "tensor_files",
     },
     "schedule": {
@@ -45,19 +60,23 @@ MAY_IMPORT: dict[str, set[str]] = {
         "cells",
         "data",
         "engine",
+        "record",
         "records",
         "errors",
         "files",
         "processes",
         "source_code",
     },
-    "stats": {"records"},
+    "stats": {"record", "records", "score"},
     "templates": {"contract", "nn", "randomness"},
-    "tables": {"records", "stats", "errors", "text"},
-    "analyses": {"data", "records", "stats", "tables", "errors", "text"},
-    "plots": {"contract", "data", "records", "stats", "tables", "errors", "text"},
-    "html_report": {"records", "stats", "tables", "plots", "errors", "text"},
+    "tables": {"contract", "record", "score", "records", "stats", "errors", "text"},
+    "analyses": {"record", "score", "data", "records", "stats", "tables", "errors", "text"},
+    "plots": {"analyses", "record", "score", "contract", "data", "records", "stats", "tables", "errors", "text"},
+    "html_report": {"record", "score", "records", "stats", "tables", "plots", "errors", "text"},
     "api": {
+        "contract",
+        "record",
+        "score",
         "analyses",
         "cells",
         "errors",
@@ -197,7 +216,9 @@ def test_suites_are_data() -> None:
         if path.parent == ROOT / "suites":
             forbidden |= FILES_AND_PRINTING
         for line, name in imported(path):
-            beyond = name.startswith("lfobench.") and not name.startswith(("lfobench.contract", "lfobench.errors"))
+            beyond = name.startswith("lfobench.") and not name.startswith(
+                ("lfobench.contract", "lfobench.errors", "lfobench.text")
+            )
             if beyond or name.split(".")[0] in forbidden:
                 violations.append(place(path, line, name))
     assert violations == []

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 from lfobench.errors import UserError, unknown_name
-from lfobench.records.record import Failure, Record, Warning, canonical_json
-from lfobench.records.score import Statistic
+from lfobench.record import Failure, Record, Warning
+from lfobench.score import Statistic
 from lfobench.stats.contrast import Comparison, Contrast, Outcome, best_p, contrast, scores_compared
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.tests import Sample
@@ -16,6 +16,7 @@ from lfobench.tables.building import build_table
 from lfobench.tables.comparable import arrange_columns, check_unmixed, differing_leaves
 from lfobench.tables.footnote import TESTS, unit
 from lfobench.tables.table import Cell, Column, Note
+from lfobench.text import canonical_json
 
 Variant: TypeAlias = tuple[str, ...]
 """What makes two columns of two folders the same: method, preset and what was set by hand, not their version."""

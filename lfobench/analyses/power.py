@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from lfobench.errors import UserError
-from lfobench.records.record import Record, usable
-from lfobench.records.score import Statistic
+from lfobench.record import Record, usable
+from lfobench.score import Statistic
 from lfobench.stats.options import Scope
 from lfobench.stats.power import Cost, Design, TaskPlan, can_show, cost, plan_tasks, smallest_p
 from lfobench.stats.tests import PAIRED, Sample

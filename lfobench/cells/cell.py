@@ -13,7 +13,8 @@ from pydantic import ValidationError
 from lfobench.contract.method import DataNeeds, Method, MethodConfig, PresetName
 from lfobench.contract.suite import Recipe, Task
 from lfobench.errors import UserError, unknown_name
-from lfobench.records.record import NUMBERS, Labels, Tuning, content_hash
+from lfobench.record import NUMBERS, Labels, Tuning
+from lfobench.text import content_hash
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 from lfobench.contract.suite import DataFile, Environment, Level, Operator, Recipe, Suite, Task
 from lfobench.errors import UserError
-from lfobench.records.record import content_hash
+from lfobench.text import content_hash
 
 READERS = 2
 """Grows whenever a reader makes other episodes of the same file."""

@@ -20,7 +20,8 @@ from lfobench.cells.names import Grids, chosen_methods, parse_assignments, parse
 from lfobench.cells.plan import Plan, Request
 from lfobench.contract.suite import Task
 from lfobench.errors import UserError, unknown_name
-from lfobench.records.record import Tuning, canonical_json, content_hash
+from lfobench.record import Tuning
+from lfobench.text import canonical_json, content_hash
 
 MOST_COMBINATIONS = 10_000
 """Of the values of one grid."""

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lfobench.cells.plan import Request
-    from lfobench.records.record import Warning
+    from lfobench.record import Warning
     from lfobench.registry import Suites
 
 

@@ -16,7 +16,7 @@ from lfobench.cli.inputs import warn
 from lfobench.data.build import ImportJob, ShardJob
 from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance
-from lfobench.records.record import Warning, usable
+from lfobench.record import Warning, usable
 from lfobench.schedule.execution import StopRequest, Watcher, carry_out_agenda
 from lfobench.schedule.executors import Ended, Event
 from lfobench.schedule.jobs import Agenda, Forecast

@@ -9,7 +9,7 @@ from lfobench.cli.console import one_line, output, print_json
 from lfobench.cli.inputs import choices_in, request, warn
 
 if TYPE_CHECKING:
-    from lfobench.records.record import Failure, Record
+    from lfobench.record import Failure, Record
 
 
 ENDS = ("finished", "diverged", "crashed")
@@ -106,7 +106,7 @@ def _variant(record: Record | Failure) -> str:
 
     For example ``released, tuned tau=2 mixture=0.5, discount=0.9, code 1a2b3c4``.
     """
-    from lfobench.records.record import code_version
+    from lfobench.record import code_version
 
     code = code_version(record.identity)
     tuned, assigned = record.identity.get("tuned", {}), record.identity.get("set", {})

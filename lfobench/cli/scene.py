@@ -13,6 +13,7 @@ from lfobench.api import Selection
 from lfobench.cells.cell import load_protocol
 from lfobench.cells.names import select_tasks, split_names
 from lfobench.cells.parts import build_command
+from lfobench.cli.inputs import warn
 from lfobench.contract.suite import Suite, Task
 from lfobench.data.source import demonstrated_strokes, load_task
 from lfobench.engine.trained import of_seed, outcomes_of, policy_of, scene_of, starts_of, traces_of
@@ -21,7 +22,7 @@ from lfobench.files import cache_folder
 from lfobench.plots.figure import PaperFigure
 from lfobench.plots.kinds import PLOTS
 from lfobench.plots.paths import Demonstrated, Field, Hit, RolledOut, field, field_points, hitting, paths
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.registry import load_suite, load_suites, suite_names
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.counting import knobs
@@ -175,7 +176,8 @@ def _paths(found: _Found, table: Table, width: float) -> PaperFigure:
         strokes = demonstrated_strokes(data, POSITION)
         panels.append(Demonstrated(name, "demonstrations", scene, strokes))
         for label, record in records.items():
-            episodes = traces_of(found.out, record, task, starts_of(found.starts, record))
+            episodes, warnings = traces_of(found.out, record, task, starts_of(found.starts, record))
+            warn(warnings)
             panels.append(RolledOut(name, label, scene, episodes))
     return paths(panels, table, width, found.outcomes)
 
@@ -203,7 +205,9 @@ def _hitting(found: _Found, table: Table, width: float) -> PaperFigure:
         for label, record in found.records[name].items():
             starts = starts_of(found.starts or "0", record)
             _check_panels(len(panels) + len(starts))
-            for episode in traces_of(found.out, record, task, starts):
+            episodes, warnings = traces_of(found.out, record, task, starts)
+            warn(warnings)
+            for episode in episodes:
                 start = f", start {episode.start}" if len(starts) > 1 else ""
                 panels.append(Hit(name, label + start, scene, episode))
     return hitting(panels, table, width)

@@ -9,6 +9,7 @@ import typer
 
 from lfobench.cli import options, selection
 from lfobench.cli.console import output
+from lfobench.cli.inputs import warn
 
 MOST_EPISODES = 12
 """Of one film, whose pictures are held in memory until a GIF is whole."""
@@ -66,7 +67,8 @@ def video(
     scene = scene_of(found)
     of_suite = select_tasks(found.tasks, [task])[0]
     writable_folder(to.parent, "--to")
-    traces = traces_of(out, record, of_suite, starts_of(episodes, record, MOST_EPISODES))
+    traces, warnings = traces_of(out, record, of_suite, starts_of(episodes, record, MOST_EPISODES))
+    warn(warnings)
     title = f"{method} on {task}, seed {seed}"
     film = Film(scene(of_suite.environment.name), title, traces, outcomes_of(selected.records))
     with replacing(to) as temporary:

@@ -24,8 +24,8 @@ from lfobench.data.boundaries import Rows
 from lfobench.data.mixing import Mixture
 from lfobench.errors import UserError
 from lfobench.randomness import Randomness
-from lfobench.records.record import content_hash
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
+from lfobench.text import content_hash
 
 FORMAT = 1
 LABEL = "label"

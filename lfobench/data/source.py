@@ -14,7 +14,7 @@ from lfobench.contract.suite import Recipe, Suite, Task
 from lfobench.data.cache import PartCache
 from lfobench.data.mixing import Mixture, mix
 from lfobench.errors import UserError
-from lfobench.records.record import Counts
+from lfobench.record import Counts
 
 
 @dataclass(frozen=True)

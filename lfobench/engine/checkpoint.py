@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
 from lfobench.engine.state import SeedState
-from lfobench.records.record import Evaluation, Metrics
+from lfobench.record import Evaluation, Metrics
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
 
 METRIC_SUM = "metric sum: "

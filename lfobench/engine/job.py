@@ -15,9 +15,9 @@ from lfobench.cells.cell import Cell, Run
 from lfobench.cells.parts import build_command
 from lfobench.cells.sources import spelled
 from lfobench.contract.method import DataNeeds, Shapes
-from lfobench.data.doctor import remarks
 from lfobench.data.firewall import View, view
 from lfobench.data.labels import LABEL, labels_of
+from lfobench.data.remarks import remarks
 from lfobench.data.source import TaskData, load_task
 from lfobench.engine import checkpoint
 from lfobench.engine.policy import save_policy
@@ -26,10 +26,11 @@ from lfobench.engine.state import CPU, MethodState, StateError
 from lfobench.engine.training import Advance, Trainer
 from lfobench.files import Held, locked, writable_folder
 from lfobench.processes import keep_freed_memory
+from lfobench.record import Evaluation, Record, Warning
 from lfobench.records.folder import RecordFolder
-from lfobench.records.record import Evaluation, Record, Warning, content_hash
 from lfobench.registry import load_suite, package_of
 from lfobench.source_code import check_unchanged, code_of
+from lfobench.text import content_hash
 
 
 @dataclass(frozen=True)

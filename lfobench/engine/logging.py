@@ -9,7 +9,7 @@ from torch import Tensor
 
 from lfobench.engine.checkpoint import Progress
 from lfobench.engine.evaluation import EpisodeResults
-from lfobench.records.record import Evaluation, Metrics
+from lfobench.record import Evaluation, Metrics
 
 
 def note_evaluation(progress: Progress, step: int, results: EpisodeResults) -> None:

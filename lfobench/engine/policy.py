@@ -15,8 +15,8 @@ from lfobench.data.firewall import View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.state import CPU, MethodState, SeedState, StateError
 from lfobench.errors import UserError
+from lfobench.record import Record
 from lfobench.records.folder import RecordFolder
-from lfobench.records.record import Record
 from lfobench.registry import load_method
 from lfobench.source_code import code_of
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors

@@ -23,7 +23,7 @@ from lfobench.data.firewall import View
 from lfobench.engine.batches import RunningStep, StageSampler
 from lfobench.engine.state import live_tensors, plain_values
 from lfobench.randomness import Randomness
-from lfobench.records.record import Warning
+from lfobench.record import Warning
 
 # As /proc/cpuinfo names them on x86 and on ARM.
 BF16_UNITS = ("avx512_bf16", "amx_bf16", "bf16")

@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.cells.names import parse_seeds
-from lfobench.cli.inputs import warn
 from lfobench.contract.environment import ActionBox
 from lfobench.contract.episodes import FloatArray
 from lfobench.contract.suite import Environment, Scene, Suite, Task
 from lfobench.engine.evaluation import start_seed
 from lfobench.engine.policy import TrainedPolicy, load_policy
 from lfobench.errors import UserError
+from lfobench.record import Record, Warning
 from lfobench.records.folder import RecordFolder
-from lfobench.records.record import Record, Warning
 from lfobench.registry import load_suite, suite_names
 
 Act = Callable[[FloatArray], FloatArray]
@@ -201,18 +200,20 @@ def policy_of(out: Path, record: Record) -> TrainedPolicy:
     return load_policy(RecordFolder(out), record)
 
 
-def traces_of(out: Path, record: Record, task: Task, starts: Sequence[int]) -> list[Trace]:
-    """Episodes of a record's policy; a warning is printed where they end otherwise than the record says.
+def traces_of(out: Path, record: Record, task: Task, starts: Sequence[int]) -> tuple[list[Trace], list[Warning]]:
+    """Episodes of a record's policy, and a warning where they end otherwise than the record says.
 
     Raises:
         UserError: the policy is missing or damaged, or its environment cannot be traced.
     """
     traces = trace(policy_of(out, record).act, task, starts)
     last = [*record.evaluations[-1:], *([record.further] if record.further else [])]
-    told = [outcome for evaluation in last for outcome in evaluation.outcomes or ()]
-    otherwise = [each for each in traces if each.start < len(told) and told[each.start] != each.outcome]
+    recorded = [outcome for evaluation in last for outcome in evaluation.outcomes or ()]
+    otherwise = [each for each in traces if each.start < len(recorded) and recorded[each.start] != each.outcome]
+    warnings = []
     if otherwise:
-        ends = ", ".join(f"start {each.start} {each.outcome} (not {told[each.start]})" for each in otherwise)
+        ends = ", ".join(f"start {each.start} {each.outcome} (not {recorded[each.start]})" for each in otherwise)
         what = f"{record.method} on {record.task}, seed {record.seed}, now ends otherwise than its record says: {ends}."
-        warn([Warning(what=what, remedy="Another machine, or another version of a library, rounds otherwise.")])
-    return traces
+        remedy = "Another machine, or another version of a library, rounds otherwise."
+        warnings.append(Warning(what=what, remedy=remedy))
+    return traces, warnings

@@ -27,7 +27,7 @@ from lfobench.engine.program import Program, precision_warnings, recorder_for
 from lfobench.engine.state import CPU, MethodState
 from lfobench.errors import UserError
 from lfobench.randomness import Randomness
-from lfobench.records.record import Evaluation, Warning
+from lfobench.record import Evaluation, Warning
 
 CHECKPOINT_SECONDS = 120.0
 EVENT_SECONDS = 0.5

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from lfobench.plots.captions import demonstration_score, ends, fewer_starts
 from lfobench.plots.curves import DIVERGED_SCORE, Curve, evaluated, learning_curve
 from lfobench.plots.figure import Look, looks
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.exporters.html import Markup, element, joined, name_of
 from lfobench.tables.table import Column, Row, Table

@@ -32,8 +32,8 @@ from lfobench.html_report.verdict import REACHABLE, problems_section, verdict
 from lfobench.html_report.verdict import tasks as counted_tasks
 from lfobench.plots.captions import demonstration_score
 from lfobench.plots.figure import Look
-from lfobench.records.record import Failure, Record, Warning
-from lfobench.records.score import Statistic
+from lfobench.record import Failure, Record, Warning
+from lfobench.score import Statistic
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.intervals import t_interval
 from lfobench.stats.options import HighlightTest

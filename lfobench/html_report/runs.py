@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from lfobench.records.record import Failure, Record, usable
-from lfobench.records.score import Statistic
+from lfobench.record import Failure, Record, usable
+from lfobench.score import Statistic
 from lfobench.stats.highlight import Rule
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.exporters.html import Markup, element, name_of

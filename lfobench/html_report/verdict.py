@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from lfobench.errors import UserError
 from lfobench.html_report.evidence import Evidence
 from lfobench.plots.captions import Compared, compare
-from lfobench.records.record import Failure, Record, Warning
+from lfobench.record import Failure, Record, Warning
 from lfobench.stats.aggregates import interquartile_mean, probability_of_improvement
 from lfobench.stats.highlight import Outcome, Rule
 from lfobench.stats.intervals import Estimate

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from lfobench.errors import UserError
 from lfobench.plots.figure import plain
-from lfobench.records.record import Record
-from lfobench.records.score import SUCCESS_RATE
+from lfobench.record import Record
+from lfobench.score import SUCCESS_RATE
 from lfobench.tables.footnote import STATISTICS
 from lfobench.tables.table import Cell, Column, Row, Table
 

@@ -35,8 +35,8 @@ from lfobench.plots.figure import (
     score_limits,
     style,
 )
-from lfobench.records.record import Record
-from lfobench.records.score import Statistic
+from lfobench.record import Record
+from lfobench.score import Statistic
 from lfobench.stats.intervals import Interval, summarize, t_interval
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.table import Column, Table

@@ -10,7 +10,7 @@ from lfobench.plots.comparisons import improvement, profiles, ranking, scores
 from lfobench.plots.curves import curves
 from lfobench.plots.figure import WIDTHS, PaperFigure
 from lfobench.plots.metrics import metrics
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.tables.table import Table
 
 Plot: TypeAlias = Callable[[Table, Sequence[Record], float, Sequence[str]], PaperFigure]

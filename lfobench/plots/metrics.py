@@ -11,7 +11,7 @@ from matplotlib.ticker import EngFormatter, MaxNLocator
 from lfobench.errors import UserError, unknown_name
 from lfobench.plots.captions import caption, run_columns
 from lfobench.plots.figure import WIDTHS, Look, PaperFigure, legend, looks, panels, style
-from lfobench.records.record import LARGEST_SCORE, Record, usable
+from lfobench.record import LARGEST_SCORE, Record, usable
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.table import Column, Table
 from lfobench.text import short_number

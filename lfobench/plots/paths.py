@@ -35,7 +35,7 @@ from lfobench.plots.scene import (
     whole_table,
     whose,
 )
-from lfobench.records.record import SUCCESS
+from lfobench.record import SUCCESS
 from lfobench.tables.table import Table
 
 _MOST_POINTS = 2_500

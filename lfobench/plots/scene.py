@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lfobench.contract.suite import Disc, Scene
 from lfobench.plots.captions import run_cells
 from lfobench.plots.figure import INK, LABEL_SIZE, PAPER, REFERENCE_GREY, Look, PaperFigure, look, text_height, wrapped
-from lfobench.records.record import SUCCESS
+from lfobench.record import SUCCESS
 from lfobench.tables.table import Table
 
 Points = NDArray[np.floating[Any]]

@@ -15,19 +15,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import ValidationError
 
-from lfobench.cells.cell import Run
 from lfobench.errors import UserError
 from lfobench.files import Held, locked, read_within, remove_leftovers, write_text
-from lfobench.records.record import (
-    MOST_BYTES,
-    SCHEMA,
-    Failure,
-    Record,
-    Warning,
-    canonical_json,
-    content_hash,
-    first_problem,
-)
+from lfobench.record import MOST_BYTES, SCHEMA, Failure, Record, Warning, first_problem
+from lfobench.text import canonical_json, content_hash
 
 if TYPE_CHECKING:
     from lfobench.cells.cell import Run

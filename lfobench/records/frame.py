@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from lfobench.errors import UserError
+from lfobench.record import Record, Warning, first_problem
 from lfobench.records.folder import RecordFolder, is_trial, read_record, warning_of_trial, warnings_of_copies
 from lfobench.records.index import Digest, RunFields, Stamp, digest, joined, read_index, run_fields, write_index
-from lfobench.records.record import Record, Warning, first_problem
 from lfobench.text import harmless
 
 RUN_COLUMNS = tuple(name for name in RunFields.model_fields if name not in ("random_return", "expert_return"))

@@ -23,7 +23,8 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt
 
 from lfobench.errors import UserError
 from lfobench.files import cache_folder, replacing
-from lfobench.records.record import Metrics, Record, Status, Warning, canonical_json
+from lfobench.record import Metrics, Record, Status, Warning
+from lfobench.text import canonical_json
 
 COARSEST_CLOCK = 2_000_000_000
 """Nanoseconds between two times that every file system tells apart."""

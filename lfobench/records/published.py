@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from lfobench.errors import UserError, unknown_name
 from lfobench.files import read_within
+from lfobench.record import LARGEST_SCORE, usable
 from lfobench.records.publication import (
     Claim,
     PrintedCount,
@@ -25,7 +26,6 @@ from lfobench.records.publication import (
     TableOfCounts,
     TableOfMeans,
 )
-from lfobench.records.record import LARGEST_SCORE, usable
 from lfobench.text import short_number, shown
 
 MEANS = ("mean", "std")

@@ -22,9 +22,10 @@ from lfobench.cells.plan import Plan, Request
 from lfobench.cells.tuning import Search, search_of, tune_command
 from lfobench.errors import UserError
 from lfobench.files import read_within, write_text
+from lfobench.record import MOST_BYTES, Record, Tuning
 from lfobench.records.folder import SEAL, TUNING, RecordFolder, differences, read_record, safe_name
-from lfobench.records.record import MOST_BYTES, Record, Tuning, content_hash
-from lfobench.records.score import Statistic, tie
+from lfobench.score import Statistic, tie
+from lfobench.text import content_hash
 
 CRITERION = Statistic("last")
 """By what trials are compared. Each is evaluated once, when it is trained."""

@@ -20,14 +20,14 @@ from lfobench.cells.sources import check_here, spelled
 from lfobench.contract.method import Method, Shapes
 from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
-from lfobench.data.doctor import check_parts, remarks
+from lfobench.data.remarks import check_parts, remarks
 from lfobench.data.source import load_task
 from lfobench.engine.job import Job, Left, Recorded, carry_out
 from lfobench.engine.method_check import require_sound
 from lfobench.errors import UserError
 from lfobench.files import Held, is_held, locked, remove_leftovers, writable_folder
+from lfobench.record import Warning
 from lfobench.records.folder import RecordFolder, write_failure
-from lfobench.records.record import Warning
 from lfobench.schedule.executors import Ended, Event, in_processes, in_sequence, in_threads
 from lfobench.schedule.jobs import Agenda, Forecast
 from lfobench.source_code import ships

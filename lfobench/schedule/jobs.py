@@ -15,14 +15,14 @@ from lfobench.cells.plan import Plan, Request, make_plan
 from lfobench.contract.suite import Level, Operator
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.data.cache import PartCache
-from lfobench.data.doctor import unbounded_actions
 from lfobench.data.library import Library
+from lfobench.data.remarks import unbounded_actions
 from lfobench.engine.job import Job
 from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
 from lfobench.files import cache_folder
+from lfobench.record import Warning
 from lfobench.records.folder import RecordsRead
-from lfobench.records.record import Warning
 from lfobench.records.tuning import TuningFolder, with_choices
 
 IMPORT_SECONDS = 3.0

@@ -17,8 +17,8 @@ from lfobench.engine.probe import Footprint, Memory, Prober, fitting_groups, fit
 from lfobench.errors import UserError
 from lfobench.files import cache_folder
 from lfobench.processes import available_cores
+from lfobench.record import Warning
 from lfobench.records.folder import RecordsRead
-from lfobench.records.record import Warning
 from lfobench.schedule.jobs import Agenda, Forecast, forecast, make_agenda
 from lfobench.source_code import in_session
 

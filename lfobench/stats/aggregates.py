@@ -17,7 +17,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from lfobench.records.score import tie
+from lfobench.score import tie
 from lfobench.stats.intervals import Estimate, Interval, check_probability
 
 Values: TypeAlias = NDArray[np.float64]

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lfobench.records.score import mean, tie
+from lfobench.score import mean, tie
 from lfobench.stats.options import Agreement
 
 

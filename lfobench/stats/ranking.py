@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lfobench.records.score import tie
+from lfobench.score import tie
 from lfobench.stats.intervals import check_probability
 from lfobench.stats.tests import levels
 

@@ -26,7 +26,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from lfobench.records.score import tie
+from lfobench.score import tie
 from lfobench.stats.intervals import Summary, difference, summarize
 from lfobench.stats.options import HighlightTest, Test
 from lfobench.stats.successes import Successes, fisher_test

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from lfobench.errors import UserError
-from lfobench.records.record import Failure, Labels, Record, usable
-from lfobench.records.score import HEADLINE, SUCCESS_RATE, Statistic, mean
+from lfobench.record import Failure, Labels, Record, usable
+from lfobench.score import HEADLINE, SUCCESS_RATE, Statistic, mean
 from lfobench.stats.highlight import DEFAULT_RULE, Rule, highlights
 from lfobench.stats.tests import Sample, sample_of
 from lfobench.tables.comparable import (

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from lfobench.errors import UserError
-from lfobench.records.record import Failure, Record, canonical_json, code_version
+from lfobench.record import Failure, Record, code_version
 from lfobench.tables.table import Column
-from lfobench.text import harmless
+from lfobench.text import canonical_json, harmless
 
 # What a column may change. Everything else in an identity is a condition that a row holds fixed.
 COLUMN_FIELDS = frozenset(

@@ -7,8 +7,8 @@ from math import isclose
 from typing import cast, get_args
 
 from lfobench.errors import UserError, unknown_name
-from lfobench.records.record import SUCCESS, Evaluation, Record
-from lfobench.records.score import HEADLINE, SUCCESS_RATE, Statistic, parse_statistic
+from lfobench.record import SUCCESS, Evaluation, Record
+from lfobench.score import HEADLINE, SUCCESS_RATE, Statistic, parse_statistic
 from lfobench.stats.highlight import Rule
 from lfobench.stats.options import Correction, HighlightTest, Scope
 from lfobench.stats.successes import Count, Successes, pool

@@ -7,8 +7,8 @@ from typing import Any
 
 from lfobench.contract.environment import ActionBox
 from lfobench.contract.suite import GENERATED
-from lfobench.records.record import Record, Tuning, canonical_json
-from lfobench.records.score import SUCCESS_RATE
+from lfobench.record import Record, Tuning
+from lfobench.score import SUCCESS_RATE
 from lfobench.stats.contrast import scores_compared
 from lfobench.stats.options import Correction, HighlightTest, Scope
 from lfobench.stats.power import can_reach, smallest_p
@@ -21,7 +21,7 @@ from lfobench.tables.counting import (
     some_count_successes,
 )
 from lfobench.tables.table import DIVERGED, FAILED, HIGHLIGHT_NOTE, LOST, MISSING, Column, Note, Row, Table, competes
-from lfobench.text import short_number
+from lfobench.text import canonical_json, short_number
 
 TESTS: dict[HighlightTest, str] = {
     "welch": "Welch's two-sided t-test",

@@ -12,8 +12,8 @@ from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.text import Text
 
 from lfobench.errors import UserError
-from lfobench.records.record import SUCCESS, Failure, Record
-from lfobench.records.score import SUCCESS_RATE
+from lfobench.record import SUCCESS, Failure, Record
+from lfobench.score import SUCCESS_RATE
 from lfobench.stats.highlight import Rule
 from lfobench.tables.building import build_table
 from lfobench.tables.comparable import arrange_columns

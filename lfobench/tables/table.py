@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from lfobench.records.score import Statistic
+from lfobench.score import Statistic
 from lfobench.stats.highlight import Outcome, Rule
 from lfobench.stats.intervals import Summary
 from lfobench.stats.options import Agreement, Scope

@@ -16,8 +16,8 @@ from lfobench.cells.cell import PROTOCOLS, Cell, Protocol, Run, configure
 from lfobench.contract.method import MethodConfig, PresetName
 from lfobench.contract.suite import Environment, Recipe
 from lfobench.errors import UserError
-from lfobench.records.record import canonical_json
 from lfobench.registry import load_method, method_names
+from lfobench.text import canonical_json
 
 
 def test_layers_later_over_earlier() -> None:

@@ -16,7 +16,7 @@ from lfobench.cells.plan import Plan, Request, make_plan
 from lfobench.cells.tuning import Search, search_of, searches, tune_command
 from lfobench.contract.suite import Budget
 from lfobench.errors import UserError
-from lfobench.records.record import Tuning
+from lfobench.record import Tuning
 
 TUNED = str(Path(__file__).parents[1] / "tuned_suite.py")
 MEDIUM, RANDOM = "pole-medium-expert", "pole-random-expert"

@@ -28,9 +28,9 @@ from lfobench.cli import app, progress
 from lfobench.contract.method import MethodConfig
 from lfobench.files import locked
 from lfobench.records.folder import SEAL, RecordFolder
-from lfobench.records.record import content_hash
 from lfobench.registry import load_method, load_suite, method_names
 from lfobench.stats.options import Test
+from lfobench.text import content_hash
 
 METHODS = "dilo,smodice,oril,bco,bc,bc-expert"
 SMOKE = ("--methods", METHODS, "--tasks", HOPPER_TASK, "--protocol", "smoke", "--seeds", "0-1")

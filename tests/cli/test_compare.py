@@ -11,7 +11,7 @@ from helpers_cli import InProcess, assert_refused
 from helpers_folders import write_crash, write_records
 from helpers_records import make_cell, make_record
 
-from lfobench.records.record import Record
+from lfobench.record import Record
 
 GOOD, BAD = [100.0, 101.0, 99.0], [50.0, 51.0, 49.0]
 

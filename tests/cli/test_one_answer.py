@@ -16,7 +16,7 @@ from matplotlib.collections import PathCollection
 from scipy.stats import fisher_exact, ttest_ind
 
 import lfobench
-from lfobench.records.record import Evaluation, Record
+from lfobench.record import Evaluation, Record
 
 
 def counting() -> list[Record]:

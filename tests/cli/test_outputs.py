@@ -16,7 +16,7 @@ from helpers_folders import with_provenance, write_crash, write_records
 from helpers_records import make_cell, make_record
 
 import lfobench
-from lfobench.records.record import Metrics, Record
+from lfobench.record import Metrics, Record
 
 HOSTILE = "evil\x1b[31m\n\u202erev\x9b2J"
 FORBIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2066-\u2069]")

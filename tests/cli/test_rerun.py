@@ -13,8 +13,8 @@ from helpers_plugins import records_in
 
 import lfobench
 from lfobench.files import locked
+from lfobench.record import Record
 from lfobench.records.folder import ASIDE, read_record
-from lfobench.records.record import Record
 
 ON_POLE = ("--suite", TINY, "--tasks", POLE_TASK, "--protocol", "smoke")
 

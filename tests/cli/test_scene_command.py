@@ -89,18 +89,18 @@ def test_mistakes_are_refused_and_write_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_episodes_that_end_otherwise_than_recorded_are_told_of(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_episodes_that_end_otherwise_than_recorded_are_warned_of(runs: Path) -> None:
     task = next(task for task in scene_suite.SUITE.tasks if task.name == "strike-few")
     (record,) = [each for each in RecordFolder(runs).read_all().records if (each.task, each.seed) == ("strike-few", 0)]
-    found = [each.outcome for each in traces_of(runs, record, task, [0, 1, 5])]
-    assert capsys.readouterr().err == ""
+    traces, warnings = traces_of(runs, record, task, [0, 1, 5])
+    found = [each.outcome for each in traces]
+    assert warnings == []
     last = record.evaluations[-1]
     assert last.outcomes == found[:2]
     altered = record.model_copy(update={"evaluations": [last.model_copy(update={"outcomes": [found[0], "lost"]})]})
-    traces_of(runs, altered, task, [0, 1, 5])
-    said = capsys.readouterr().err
-    assert f"start 1 {found[1]} (not lost)" in said
-    assert "start 0" not in said and "start 5" not in said
+    _, (warning,) = traces_of(runs, altered, task, [0, 1, 5])
+    assert f"start 1 {found[1]} (not lost)" in warning.what
+    assert "start 0" not in warning.what and "start 5" not in warning.what
 
 
 def test_missing_data_comes_with_the_command_that_makes_it(

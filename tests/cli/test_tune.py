@@ -16,8 +16,8 @@ from lfobench.cli.console import INTERRUPTED
 from lfobench.contract.suite import Task
 from lfobench.engine import evaluation
 from lfobench.files import locked
+from lfobench.record import Record
 from lfobench.records.folder import RecordFolder, read_record
-from lfobench.records.record import Record
 from lfobench.registry import load_suite, suite_names
 from lfobench.schedule import execution
 from methods.bco import Bco

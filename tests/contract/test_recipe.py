@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from lfobench.contract.suite import Recipe
-from lfobench.records.record import content_hash
+from lfobench.text import content_hash
 
 PUBLISHED = Recipe("random", 1_000_000, "expert", 200, 1000)
 OWN = Recipe("mine", 5_000, "theirs", 30, demonstrations=3)

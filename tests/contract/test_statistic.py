@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfobench.errors import UserError
-from lfobench.records.record import Evaluation, Record
-from lfobench.records.score import HEADLINE, SUCCESS_RATE, Statistic, mean, parse_statistic, tie
+from lfobench.record import Evaluation, Record
+from lfobench.score import HEADLINE, SUCCESS_RATE, Statistic, mean, parse_statistic, tie
 
 STEPS = (1000, 2000, 3000, 4000, 5000, 6000)
 EVERY = (HEADLINE, Statistic("last"), Statistic("best"), Statistic("at", 3000))

@@ -10,7 +10,7 @@ from helpers_files import make_episodes
 
 from lfobench.contract.method import DataNeeds
 from lfobench.contract.suite import Recipe
-from lfobench.data.doctor import remarks
+from lfobench.data.remarks import remarks
 from lfobench.data.source import TaskData
 from suites.locomotion import SUITE
 

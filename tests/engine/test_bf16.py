@@ -13,7 +13,7 @@ from helpers_engine import Drifting, cell_of, finish, make_job, records_of, smok
 from lfobench.cells.cell import Cell, Precision
 from lfobench.engine import program as precision
 from lfobench.engine.program import products
-from lfobench.records.record import Record
+from lfobench.record import Record
 
 CPU = torch.device("cpu")
 

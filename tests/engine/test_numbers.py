@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from helpers_engine import finish, make_job, records_of, smoke_cell
 
-from lfobench.records.record import NUMBERS
+from lfobench.record import NUMBERS
 from lfobench.registry import load_method
 
 # Last row of training metrics of every stage: smoke protocol, the pole (whose actions are scaled), seed 3.

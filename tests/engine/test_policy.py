@@ -14,8 +14,8 @@ from safetensors import safe_open
 from lfobench.contract.method import Shapes
 from lfobench.engine.policy import SCALE, SHIFT, load_policy
 from lfobench.errors import UserError
+from lfobench.record import Record
 from lfobench.records.folder import RecordFolder
-from lfobench.records.record import Record
 from lfobench.registry import method_names
 
 CPU = torch.device("cpu")

@@ -17,8 +17,8 @@ from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.evaluation import EpisodeResults, OneByOne, Simulators, Together, rollout, simulators
 from lfobench.engine.policy import load_policy
 from lfobench.python_files import load_file
+from lfobench.record import SUCCESS
 from lfobench.records.folder import RecordFolder
-from lfobench.records.record import SUCCESS
 from lfobench.tables.counting import successes_of
 
 OWN = load_file(Path(__file__).parents[1] / "own_folder" / "own_suite.py", "suite")

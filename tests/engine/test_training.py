@@ -29,7 +29,7 @@ from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance
 from lfobench.randomness import StepRandomness
 from lfobench.records.folder import RecordFolder
-from lfobench.records.score import Statistic
+from lfobench.score import Statistic
 
 
 def measured(job: Job) -> list[dict[str, Any]]:

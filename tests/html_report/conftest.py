@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers_records import make_record
 
-from lfobench.records.record import Evaluation, Failure, Record, Warning
+from lfobench.record import Evaluation, Failure, Record, Warning
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 QUOTED = 'o\'ril" onmouseover="alert(2)'

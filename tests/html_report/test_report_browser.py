@@ -17,7 +17,7 @@ from lfobench.html_report.evidence import Evidence, gather
 from lfobench.html_report.page import report
 from lfobench.html_report.runs import knobs
 from lfobench.html_report.verdict import REACHABLE, how, pairs_how, sentence
-from lfobench.records.record import Failure, Record
+from lfobench.record import Failure, Record
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.options import Correction, Scope, Test
 from lfobench.tables.building import build_table

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from lfobench.cells.names import parse_assignments, parse_seeds, split_names
 from lfobench.html_report.runs import reproduce_section, run_commands, seed_list
-from lfobench.records.record import Failure, Record
-from lfobench.records.score import HEADLINE, Statistic
+from lfobench.record import Failure, Record
+from lfobench.score import HEADLINE, Statistic
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 
 Runs = list[tuple[str, str, int, str]]

@@ -20,7 +20,7 @@ from lfobench.html_report.curves import ticks
 from lfobench.html_report.evidence import gather
 from lfobench.html_report.page import as_json, report
 from lfobench.html_report.verdict import sentence, verdict
-from lfobench.records.record import Failure, Record, Warning
+from lfobench.record import Failure, Record, Warning
 from lfobench.stats.contrast import contrast
 from lfobench.stats.highlight import Rule
 from lfobench.stats.options import Correction, Test

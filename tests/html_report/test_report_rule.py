@@ -19,7 +19,7 @@ from lfobench.html_report.curves import column_looks, panels
 from lfobench.html_report.evidence import Evidence, gather
 from lfobench.html_report.page import as_json, payload
 from lfobench.html_report.verdict import how, sentence
-from lfobench.records.record import Failure, Record
+from lfobench.record import Failure, Record
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.options import Correction, Scope
 from lfobench.tables.building import build_table

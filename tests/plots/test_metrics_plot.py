@@ -12,7 +12,7 @@ from lfobench.errors import UserError
 from lfobench.plots.figure import PaperFigure
 from lfobench.plots.kinds import draw
 from lfobench.plots.metrics import MOST_PANELS
-from lfobench.records.record import Metrics, Record
+from lfobench.record import Metrics, Record
 from lfobench.tables.building import build_table
 
 

@@ -11,7 +11,7 @@ from lfobench.errors import UserError
 from lfobench.plots.captions import compare
 from lfobench.plots.comparisons import MAP, improvement, profiles, ranking
 from lfobench.plots.figure import PaperFigure
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.stats.aggregates import probability_of_improvement
 from lfobench.tables.building import build_table
 

@@ -20,7 +20,7 @@ from matplotlib.text import Text
 from lfobench.errors import UserError
 from lfobench.plots.figure import FORMATS, PaperFigure, format_of, look, looks, plain
 from lfobench.plots.kinds import PLOTS, draw
-from lfobench.records.record import Metrics, Record
+from lfobench.record import Metrics, Record
 from lfobench.tables.building import build_table
 from lfobench.tables.table import Column
 

@@ -14,7 +14,7 @@ from matplotlib.collections import PathCollection
 from lfobench.plots.comparisons import scores
 from lfobench.plots.curves import curves
 from lfobench.plots.figure import WIDTHS
-from lfobench.records.record import Evaluation, Failure, Record
+from lfobench.record import Evaluation, Failure, Record
 from lfobench.tables.building import build_table
 from lfobench.tables.table import Table
 

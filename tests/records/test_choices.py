@@ -17,8 +17,8 @@ from lfobench.cells.cell import Run
 from lfobench.cells.plan import Request, make_plan
 from lfobench.cells.tuning import Search, search_of
 from lfobench.errors import UserError
+from lfobench.record import Evaluation, Record
 from lfobench.records.folder import RecordFolder, read_failures, write_failure
-from lfobench.records.record import Evaluation, Record
 from lfobench.records.tuning import Choice, Trial, TuningFolder, best, choose, with_choices
 
 TUNED = str(Path(__file__).parents[1] / "tuned_suite.py")

@@ -8,8 +8,8 @@ import pytest
 from helpers_engine import POLE_TASK, smoke_cell
 
 from lfobench.cells.cell import Run
+from lfobench.record import Evaluation, Failure, Record
 from lfobench.records.folder import RecordFolder, read_failures, write_failure
-from lfobench.records.record import Evaluation, Failure, Record
 
 
 @pytest.fixture

@@ -14,8 +14,9 @@ from helpers_engine import POLE_TASK, smoke_cell
 
 from lfobench.cells.cell import Run
 from lfobench.errors import UserError
+from lfobench.record import Evaluation, Metrics, Record, Warning
 from lfobench.records.folder import SEAL, RecordFolder, read_failures, read_record, select
-from lfobench.records.record import Evaluation, Metrics, Record, Warning, content_hash
+from lfobench.text import content_hash
 
 
 def record_of(run: Run, **changes: Any) -> Record:

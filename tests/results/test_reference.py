@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from helpers_cli import InProcess
 
+from lfobench.record import Record
 from lfobench.records.folder import RecordFolder
-from lfobench.records.record import Record
 
 REFERENCE = Path(__file__).parents[2] / "results" / "reference"
 PAGE = (REFERENCE / "README.md").read_text(encoding="utf-8").replace("\\\n", " ")

@@ -21,8 +21,8 @@ from lfobench.engine import job as engine_job
 from lfobench.engine.job import Job
 from lfobench.errors import UserError
 from lfobench.files import locked
+from lfobench.record import Warning
 from lfobench.records.folder import RecordFolder, RecordsRead
-from lfobench.records.record import Warning
 from lfobench.schedule import execution
 from lfobench.schedule.execution import StopRequest, Tally, Watcher, carry_out_agenda
 from lfobench.schedule.executors import Ended, Event

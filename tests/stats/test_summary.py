@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfobench.records.score import tie
+from lfobench.score import tie
 from lfobench.stats.intervals import Summary, difference, summarize
 
 scores = st.floats(min_value=-1e3, max_value=1e3)

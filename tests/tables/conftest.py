@@ -9,7 +9,7 @@ import pytest
 from helpers_folders import with_provenance
 from helpers_records import make_cell, make_record
 
-from lfobench.records.record import Failure, Record
+from lfobench.record import Failure, Record
 from lfobench.tables.building import build_table
 from lfobench.tables.table import Table
 

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from lfobench.errors import UserError
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.stats.intervals import Summary
 from lfobench.tables.building import build_table
 from lfobench.tables.exporters.formats import FORMATS

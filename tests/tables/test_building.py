@@ -8,8 +8,8 @@ import pytest
 from helpers_folders import with_provenance
 
 from lfobench.errors import UserError
-from lfobench.records.record import Evaluation, Failure, Record
-from lfobench.records.score import parse_statistic
+from lfobench.record import Evaluation, Failure, Record
+from lfobench.score import parse_statistic
 from lfobench.stats.highlight import Rule
 from lfobench.stats.options import Test
 from lfobench.stats.tests import PAIRED

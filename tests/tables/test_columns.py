@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.tables.comparable import arrange_columns
 
 

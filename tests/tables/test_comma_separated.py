@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from lfobench.errors import UserError
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.tables.building import build_table
 from lfobench.tables.exporters.data import FIELDS
 from lfobench.tables.exporters.formats import FORMATS, export

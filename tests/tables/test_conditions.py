@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from lfobench.errors import UserError
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.tables.building import build_table
 
 PROTOCOL = {

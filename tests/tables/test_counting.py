@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfobench.errors import UserError
-from lfobench.records.record import SUCCESS, Record
-from lfobench.records.score import parse_statistic
+from lfobench.record import SUCCESS, Record
+from lfobench.score import parse_statistic
 from lfobench.stats.highlight import Rule
 from lfobench.stats.successes import Count
 from lfobench.tables.building import build_table

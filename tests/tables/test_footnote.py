@@ -2,8 +2,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lfobench.records.record import Record, Warning
-from lfobench.records.score import Statistic, parse_statistic
+from lfobench.record import Record, Warning
+from lfobench.score import Statistic, parse_statistic
 from lfobench.tables.building import build_table
 from lfobench.tables.table import Table
 

@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.stats.highlight import Rule
 from lfobench.stats.options import Correction, HighlightTest, Scope, Test
 from lfobench.stats.tests import PAIRED

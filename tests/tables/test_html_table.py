@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from test_markup import Reader
 
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.tables.building import build_table
 from lfobench.tables.exporters.html import html
 

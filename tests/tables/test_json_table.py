@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from helpers_folders import with_provenance
 
-from lfobench.records.record import Failure, Record
-from lfobench.records.score import Statistic
+from lfobench.record import Failure, Record
+from lfobench.score import Statistic
 from lfobench.stats.highlight import Rule
 from lfobench.stats.intervals import Summary
 from lfobench.tables.building import build_table

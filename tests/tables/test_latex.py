@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from helpers_folders import with_provenance
 
-from lfobench.records.record import Record, Warning
+from lfobench.record import Record, Warning
 from lfobench.stats.intervals import Summary
 from lfobench.tables.building import build_table
 from lfobench.tables.exporters.formats import export

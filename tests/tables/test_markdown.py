@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.tables.building import build_table
 from lfobench.tables.exporters.formats import export
 from lfobench.tables.table import Table

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from lfobench.errors import UserError
-from lfobench.records.record import Failure, Record
+from lfobench.record import Failure, Record
 from lfobench.tables.outcomes import FORMATS, OutcomeTable, export_outcomes, outcome_table, terminal_outcomes
 
 FIXED = ["success"] * 6 + ["cup hit"] * 3 + ["stalled"]

@@ -15,8 +15,8 @@ from rich.console import Console
 from lfobench.analyses.compare import Compared, Pairing, Side, compare, pair_folders, pair_methods, summary, warnings_of
 from lfobench.analyses.compare_formats import json_contrast, terminal
 from lfobench.errors import UserError
-from lfobench.records.record import Record
-from lfobench.records.score import HEADLINE
+from lfobench.record import Record
+from lfobench.score import HEADLINE
 from lfobench.stats.highlight import Rule
 
 HOPPER = ("hopper-random-expert", "dilo")

@@ -16,8 +16,8 @@ from rich.console import Console
 from lfobench.analyses.power import SeedPlan, plan_seeds, read_pilot, run_seconds
 from lfobench.analyses.power_formats import json_planning, terminal
 from lfobench.errors import UserError
-from lfobench.records.record import Record
-from lfobench.records.score import HEADLINE
+from lfobench.record import Record
+from lfobench.score import HEADLINE
 from lfobench.stats.power import Design
 
 DESIGN = Design(effect=10.0, power=0.8, alpha=0.05, test="welch", correction="holm", seeds=5)

@@ -8,7 +8,7 @@ import pytest
 from helpers_records import endings, make_cell, make_counted
 
 from lfobench.errors import UserError
-from lfobench.records.score import HEADLINE, SUCCESS_RATE, Statistic
+from lfobench.score import HEADLINE, SUCCESS_RATE, Statistic
 from lfobench.stats.highlight import Rule
 from lfobench.stats.options import HighlightTest, Test
 from lfobench.tables.counting import knobs

@@ -17,7 +17,7 @@ from rich.console import Console
 from test_html_table import rows as html_rows
 from test_latex import compiled
 
-from lfobench.records.record import Failure, Record
+from lfobench.record import Failure, Record
 from lfobench.stats.highlight import Rule
 from lfobench.stats.successes import fisher_test
 from lfobench.tables.building import build_table

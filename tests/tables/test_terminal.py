@@ -8,7 +8,7 @@ import pytest
 from rich.cells import cell_len
 from rich.console import Console
 
-from lfobench.records.record import Record
+from lfobench.record import Record
 from lfobench.tables.building import build_table
 from lfobench.tables.exporters.terminal import terminal
 from lfobench.tables.table import Table

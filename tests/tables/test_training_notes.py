@@ -8,7 +8,7 @@ import pytest
 from helpers_records import endings, make_cell, make_counted, make_record
 
 from lfobench.errors import UserError
-from lfobench.records.record import Counts, Record, Tuning
+from lfobench.record import Counts, Record, Tuning
 from lfobench.tables.building import build_table
 
 MADE = "generated, not read from published files. "

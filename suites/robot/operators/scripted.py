@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lfobench.contract.episodes import Episodes
-from lfobench.records.record import content_hash
+from lfobench.text import content_hash
 from suites.robot import constants
 from suites.robot.operators.recording import Take
 

@@ -24,7 +24,7 @@ from pydantic import (
 )
 
 from lfobench.errors import UserError
-from lfobench.records.score import HEADLINE, SUCCESS_RATE, Statistic, mean
+from lfobench.score import HEADLINE, SUCCESS_RATE, Statistic, mean
 from lfobench.text import short_number
 
 MOST_EPISODES = 100_000
@@ -189,16 +189,6 @@ LARGEST_SCORE = 1e15
 def usable(value: object) -> TypeGuard[int | float]:
     """Whether a value is a number within ±`LARGEST_SCORE`, with which views can calculate."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_SCORE
-
-
-def canonical_json(value: Any) -> str:
-    """The one spelling of a JSON value that hashes are taken of."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
-
-
-def content_hash(value: Any) -> str:
-    """SHA-256 (hex) of the canonical JSON of `value`."""
-    return hashlib.sha256(canonical_json(value).encode()).hexdigest()
 
 
 class _Model(BaseModel):
