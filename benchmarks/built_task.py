@@ -26,7 +26,7 @@ from lfobench.contract.suite import Task
 from lfobench.data.cache import PartCache
 from lfobench.data.firewall import view
 from lfobench.data.source import load_task
-from lfobench.engine.job import Job, carry_out
+from lfobench.engine.job import Job, run_job
 from lfobench.records.folder import RecordFolder
 from lfobench.registry import load_suite
 
@@ -109,7 +109,7 @@ def whole_cell(device: torch.device, seeds: int, evaluators: int, quick: bool) -
     with built_task(cell) as root, TemporaryDirectory() as out:
         job = Job(cell, tuple(range(seeds)), Path(out), root, device.type, evaluators=evaluators)
         started = time.perf_counter()
-        for _ in carry_out(job, lambda: False):
+        for _ in run_job(job, lambda: False):
             pass
         wall = time.perf_counter() - started
         record = RecordFolder(Path(out)).read_all().records[0]

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from lfobench.contract.method import Method
     from lfobench.plots.figure import PaperFigure
-    from lfobench.schedule.jobs import Agenda, Forecast
+    from lfobench.schedule.jobs import Forecast, Schedule
 
 __all__ = [
     "Filters",
@@ -209,15 +209,15 @@ def _left(plan: Plan, read: RecordsRead, folder: RecordFolder) -> Selection:
     )
 
 
-def _carry_out(todo: Agenda, expected: Forecast, out: Path, progress: Callable[[str], None] | None) -> list[str]:
+def _carry_out(todo: Schedule, expected: Forecast, out: Path, progress: Callable[[str], None] | None) -> list[str]:
     """Why jobs did not end with their records, in words."""
     import torch
 
-    from lfobench.schedule.execution import Lines, StopRequest, carry_out_agenda
+    from lfobench.schedule.execution import Lines, StopRequest, execute_schedule
 
     lines, threads = Lines(progress or (lambda line: None)), torch.get_num_threads()
     try:
-        tally = carry_out_agenda(todo, expected, out, StopRequest(), lines)
+        tally = execute_schedule(todo, expected, out, StopRequest(), lines)
     finally:
         torch.set_num_threads(threads)
     if tally.stopped:

@@ -27,7 +27,7 @@ from lfobench.contract.method import (
 )
 from lfobench.data.build import build, missing_shards
 from lfobench.engine.batches import StageSampler
-from lfobench.engine.job import Advance, Job, Left, Recorded, carry_out
+from lfobench.engine.job import Advance, Job, Recorded, TrainedElsewhere, run_job
 from lfobench.files import locked
 from lfobench.randomness import StepRandomness
 from lfobench.record import Record
@@ -84,9 +84,9 @@ def make_job(cell: Cell, seeds: Sequence[int], out: Path, cache: Path) -> Job:
     return Job(cell, tuple(seeds), out, cache, "cpu")
 
 
-def finish(job: Job, stop: Callable[[], bool] = never) -> list[Advance | Recorded | Left]:
+def finish(job: Job, stop: Callable[[], bool] = never) -> list[Advance | Recorded | TrainedElsewhere]:
     """Carry out a job and return what it reported."""
-    return list(carry_out(job, stop))
+    return list(run_job(job, stop))
 
 
 def records_of(job: Job) -> list[Record]:
@@ -103,7 +103,7 @@ def batches_at(sampler: StageSampler, step: int) -> tuple[Batch, Batch]:
     """The batches of one step."""
     sampler.draws.move_to(step, sampler.draws.refill)
     batches = sampler.batches(sampler.expert_rows(step))
-    sampler.draws.pass_on()
+    sampler.draws.advance()
     return batches
 
 

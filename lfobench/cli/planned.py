@@ -17,18 +17,18 @@ from lfobench.cli.console import duration, output
 from lfobench.cli.inputs import warn
 from lfobench.contract.environment import ActionBox
 from lfobench.contract.suite import Task
-from lfobench.schedule.jobs import Agenda, Forecast, Needs
+from lfobench.schedule.jobs import Forecast, Needs, Schedule
 from lfobench.text import counted
 
 
-def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
+def show(schedule: Schedule, expected: Forecast, out: Path) -> None:
     """Print the plan: a row per task, a column per method, what is done of each cell."""
-    plan = agenda.plan
+    plan = schedule.plan
     methods = list(dict.fromkeys(cell.method.name for cell in plan.cells))
     done, wanted = (
-        Counter((run.cell.task.name, run.cell.method.name) for run in runs) for runs in (agenda.done, plan.runs)
+        Counter((run.cell.task.name, run.cell.method.name) for run in runs) for runs in (schedule.done, plan.runs)
     )
-    needs = agenda.needs
+    needs = schedule.needs
     lacking = [_lacking(needs[task.name]) for task in plan.tasks]
     headers = ["task", *map(escape, methods), *(["data it lacks"] if any(lacking) else [])]
     table = Table(*headers, title="Plan: runs done of runs wanted", title_style="bold")
@@ -47,11 +47,11 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
         output.print(f"steps     {protocol.assigned_steps:,}, set with --steps")
     if tuned := sum(cell.tuning is not None for cell in plan.cells):
         output.print(f"tuned     {tuned} of {len(plan.cells)} cells, as 'lfobench tune' chose")
-    output.print(f"device    {plan.device}{_arrangement(agenda)}")
+    output.print(f"device    {plan.device}{_arrangement(schedule)}")
     output.print(f"records   {escape(str(out))}", soft_wrap=True)
-    if agenda.shards:
-        shards = counted(len(agenda.shards), "shard")
-        output.print(f"data      {shards} to build into {escape(str(agenda.cache))}", soft_wrap=True)
+    if schedule.shards:
+        shards = counted(len(schedule.shards), "shard")
+        output.print(f"data      {shards} to build into {escape(str(schedule.cache))}", soft_wrap=True)
     if any(task.read_from is not None for task in plan.tasks):
         evaluated = ", ".join(dict.fromkeys(task.environment.id.rpartition(":")[2] for task in plan.tasks))
         output.print(f"source    {plan.cells[0].source}, evaluated on {escape(evaluated)}", soft_wrap=True)
@@ -62,9 +62,9 @@ def show(agenda: Agenda, expected: Forecast, out: Path) -> None:
     if absent := absent_files(plan.tasks):
         names = ", ".join(file.name for file in absent)
         output.print(f"files     {counted(len(absent), 'file')} to fetch: {escape(names)}", soft_wrap=True)
-    if agenda.pending:
+    if schedule.pending:
         output.print(
-            f"to do     {len(agenda.pending)} of {len(plan.runs)} runs, about {duration(expected.total_seconds)}"
+            f"to do     {len(schedule.pending)} of {len(plan.runs)} runs, about {duration(expected.total_seconds)}"
         )
     else:
         output.print(f"to do     nothing: all {len(plan.runs)} runs are done")
@@ -91,11 +91,11 @@ def _budget(protocol: Protocol) -> str:
     )
 
 
-def _arrangement(agenda: Agenda) -> str:
+def _arrangement(schedule: Schedule) -> str:
     """How the jobs share the machine."""
-    at_once = f", {agenda.workers} job{'s' if agenda.workers > 1 else ''} at once"
-    threads = max((job.threads for job in agenda.jobs), default=1)
-    evaluators = max((job.evaluators for job in agenda.jobs), default=0)
+    at_once = f", {schedule.workers} job{'s' if schedule.workers > 1 else ''} at once"
+    threads = max((job.threads for job in schedule.jobs), default=1)
+    evaluators = max((job.evaluators for job in schedule.jobs), default=0)
     return (
         at_once
         + (f", up to {threads} threads each" if threads > 1 else "")
@@ -107,19 +107,19 @@ def _arrangement(agenda: Agenda) -> str:
     )
 
 
-def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
+def as_json(schedule: Schedule, expected: Forecast) -> dict[str, Any]:
     """The plan for scripts."""
     return {
-        "suite": agenda.plan.suite.name,
-        "protocol": agenda.plan.protocol.name,
-        "protocol_reason": agenda.plan.protocol_reason,
-        "assigned_steps": agenda.plan.protocol.assigned_steps,
-        "device": agenda.plan.device,
-        "workers": agenda.workers,
-        "shards_to_build": len(agenda.shards),
-        "data_lacking": {task: asdict(needs) for task, needs in agenda.needs.items()},
+        "suite": schedule.plan.suite.name,
+        "protocol": schedule.plan.protocol.name,
+        "protocol_reason": schedule.plan.protocol_reason,
+        "assigned_steps": schedule.plan.protocol.assigned_steps,
+        "device": schedule.plan.device,
+        "workers": schedule.workers,
+        "shards_to_build": len(schedule.shards),
+        "data_lacking": {task: asdict(needs) for task, needs in schedule.needs.items()},
         "estimated_seconds": round(expected.total_seconds, 1),
-        "action_boxes": {name: box.identity for name, box in scaled_actions(agenda.plan.tasks).items()},
+        "action_boxes": {name: box.identity for name, box in scaled_actions(schedule.plan.tasks).items()},
         "warnings": [warning.model_dump() for warning in expected.warnings],
         "runs": [
             {
@@ -130,7 +130,7 @@ def as_json(agenda: Agenda, expected: Forecast) -> dict[str, Any]:
                 "identity": run.identity_hash,
                 "done": done,
             }
-            for runs, done in ((agenda.done, True), (agenda.pending, False))
+            for runs, done in ((schedule.done, True), (schedule.pending, False))
             for run in runs
         ],
     }

@@ -17,9 +17,9 @@ from lfobench.data.build import ImportJob, ShardJob
 from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance
 from lfobench.record import Warning, usable
-from lfobench.schedule.execution import StopRequest, Watcher, carry_out_agenda
+from lfobench.schedule.execution import StopRequest, Watcher, execute_schedule
 from lfobench.schedule.executors import Ended, Event
-from lfobench.schedule.jobs import Agenda, Forecast
+from lfobench.schedule.jobs import Forecast, Schedule
 from lfobench.text import counted, short_number
 
 LOG_SECONDS = 60.0
@@ -80,10 +80,10 @@ def _log_line(task: Task) -> Text:
 class OverallLine:
     """The progress line of everything, in expected seconds, so that its ETA weighs slow methods as slow."""
 
-    def __init__(self, bars: Progress, agenda: Agenda, expected: Forecast) -> None:
+    def __init__(self, bars: Progress, schedule: Schedule, expected: Forecast) -> None:
         self._weights = expected.job_seconds
-        self._fractions = [0.0] * len(agenda.jobs)
-        self._bars, self._done, self._wanted = bars, len(agenda.done), len(agenda.plan.runs)
+        self._fractions = [0.0] * len(schedule.jobs)
+        self._bars, self._done, self._wanted = bars, len(schedule.done), len(schedule.plan.runs)
         self._task = bars.add_task("[bold]All runs[/]", total=sum(self._weights), count=self._count, note="runs done")
 
     @property
@@ -160,13 +160,13 @@ class Terminal(Watcher):
         if not self._quiet:
             errors.print(f"Built {counted(len(shards), 'shard')}.")
 
-    def training(self, agenda: Agenda, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
+    def training(self, schedule: Schedule, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
         """A bar of everything, one of every running job, a line for every record."""
         with display(self._quiet) as shown:
-            overall = OverallLine(shown.bars, agenda, expected)
+            overall = OverallLine(shown.bars, schedule, expected)
             lines: dict[int, JobLine] = {}
             for event in events:
-                job, what = agenda.jobs[event.index], event.what
+                job, what = schedule.jobs[event.index], event.what
                 if isinstance(what, Advance):
                     if event.index not in lines:
                         lines[event.index] = JobLine(shown.bars, job)
@@ -203,12 +203,12 @@ def stopping() -> None:
 
 
 def carry_out(
-    agenda: Agenda, expected: Forecast, out: Path, quiet: bool, wait: bool = True, again: str = "The same command"
+    schedule: Schedule, expected: Forecast, out: Path, quiet: bool, wait: bool = True, again: str = "The same command"
 ) -> int:
-    """Carry an agenda out, shown on the terminal; returns the exit code.
+    """Carry an schedule out, shown on the terminal; returns the exit code.
 
     Args:
-        agenda: the work.
+        schedule: the work.
         expected: how long it takes.
         out: the output folder.
         quiet: show nothing but jobs that fail.
@@ -218,7 +218,7 @@ def carry_out(
     Raises:
         UserError: for data that is damaged, or a folder that cannot be written into.
     """
-    tally = carry_out_agenda(agenda, expected, out, StopRequest(stopping), Terminal(quiet), wait)
+    tally = execute_schedule(schedule, expected, out, StopRequest(stopping), Terminal(quiet), wait)
     if tally.stopped:
         errors.print(f"Stopped. {again} continues from here.")
         return INTERRUPTED

@@ -53,7 +53,7 @@ class Draws:
             self.within.fill_(within)
         self._next = step + 1
 
-    def pass_on(self) -> None:
+    def advance(self) -> None:
         """The end of a step, as a tensor operation: the next one is running."""
         self.within.add_(1)
 

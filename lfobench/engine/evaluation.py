@@ -257,7 +257,7 @@ def fixed_starts(cell: Cell) -> range:
     return range(cell.protocol.evaluation_episodes)
 
 
-def further_starts(cell: Cell) -> range:
+def final_starts(cell: Cell) -> range:
     """The starts from which the trained policy alone is run."""
     first = cell.protocol.evaluation_episodes
     return range(first, first + cell.protocol.further_episodes)

@@ -73,7 +73,7 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class Left:
+class TrainedElsewhere:
     """Seeds of a job that another process is training; the first thing that is reported of it."""
 
     seeds: tuple[int, ...]
@@ -83,7 +83,7 @@ class Busy(Exception):
     """Another process is training a run of this job."""
 
 
-def carry_out(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded | Left]:
+def run_job(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded | TrainedElsewhere]:
     """Train a job and write its records; ends early, with checkpoints, when `stop` says so.
 
     Seeds that another process is training are left to it; the others train together, or in groups where their
@@ -99,7 +99,7 @@ def carry_out(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded
         free = [run for run in job.runs if _taken(folder, run, held)]
         taken = {run.seed for run in free}
         if left := tuple(seed for seed in job.seeds if seed not in taken):
-            yield Left(left)
+            yield TrainedElsewhere(left)
         pending = [run for run in free if not folder.find(run)]
         if pending:
             yield from _train(job, pending, folder, stop)

@@ -12,7 +12,7 @@ from lfobench.engine.evaluation import EpisodeResults
 from lfobench.record import Evaluation, Metrics
 
 
-def note_evaluation(progress: Progress, step: int, results: EpisodeResults) -> None:
+def log_evaluation(progress: Progress, step: int, results: EpisodeResults) -> None:
     """Append an evaluation to every seed that has not diverged by `step`.
 
     A seed that answered with something that is not finite has.
@@ -27,7 +27,7 @@ def note_evaluation(progress: Progress, step: int, results: EpisodeResults) -> N
         rows.append(_evaluation(step, results, index))
 
 
-def note_further(progress: Progress, step: int, results: EpisodeResults) -> list[Evaluation | None]:
+def log_final_evaluation(progress: Progress, step: int, results: EpisodeResults) -> list[Evaluation | None]:
     """The evaluation of the trained policies, per seed; None for one that diverged, here or before."""
     for index, finite in enumerate(results.finite):
         if not finite and progress.diverged_at[index] is None:
@@ -38,7 +38,7 @@ def note_further(progress: Progress, step: int, results: EpisodeResults) -> list
     ]
 
 
-def note_metrics(progress: Progress, stage: str, sums: Mapping[str, Tensor], count: int) -> None:
+def log_metrics(progress: Progress, stage: str, sums: Mapping[str, Tensor], count: int) -> None:
     """Append a row of means to every seed.
 
     Args:

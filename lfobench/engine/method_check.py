@@ -309,7 +309,7 @@ class _Check:
             sampler.draws.move_to(step, sampler.draws.refill)
             offline, expert = sampler.batches(sampler.expert_rows(step))
             metrics = method.update(stage.name, offline, expert, RunningStep(sampler.draws, step % stage.period))
-            sampler.draws.pass_on()
+            sampler.draws.advance()
         return metrics
 
     def _trained(self, seeds: Sequence[int]) -> Method:

@@ -210,7 +210,7 @@ class Program:
                 self._sums[name].add_(value)
             else:
                 self._sums[name] = value.clone()
-        draws.pass_on()
+        draws.advance()
 
     def _record(self, kind: Kind) -> None:
         if self._recorder is not None and (changed := self._changed_in_python()):

@@ -20,9 +20,9 @@ from lfobench.data.firewall import View
 from lfobench.engine import checkpoint
 from lfobench.engine.batches import check_tables
 from lfobench.engine.checkpoint import Checkpoint, Progress, joined
-from lfobench.engine.evaluation import Evaluator, fixed_starts, further_starts
+from lfobench.engine.evaluation import Evaluator, final_starts, fixed_starts
 from lfobench.engine.evaluation_workers import EvaluationWorkers
-from lfobench.engine.logging import mark_diverged, note_evaluation, note_further, note_metrics
+from lfobench.engine.logging import log_evaluation, log_final_evaluation, log_metrics, mark_diverged
 from lfobench.engine.program import Program, precision_warnings, recorder_for
 from lfobench.engine.state import CPU, MethodState
 from lfobench.errors import UserError
@@ -180,7 +180,7 @@ class Trainer:
             self._beside.submit(step, self.state.capture(CPU))
             return
         started = time.perf_counter()
-        note_evaluation(self.progress, step, self._evaluator.evaluate(self.method, self._device))
+        log_evaluation(self.progress, step, self._evaluator.evaluate(self.method, self._device))
         self.progress.seconds["evaluate"] += time.perf_counter() - started
 
     def further(self) -> list[Evaluation | None]:
@@ -190,7 +190,7 @@ class Trainer:
         """
         nothing: list[Evaluation | None] = [None for _ in self._seeds]
         cell = self._cell
-        starts = further_starts(cell)
+        starts = final_starts(cell)
         if not starts:
             return nothing
         started = time.perf_counter()
@@ -200,14 +200,14 @@ class Trainer:
         finally:
             evaluator.close()
         self.progress.seconds["evaluate"] += time.perf_counter() - started
-        return note_further(self.progress, cell.protocol.steps_for(cell.task), results)
+        return log_final_evaluation(self.progress, cell.protocol.steps_for(cell.task), results)
 
     def _settle(self, wait: bool) -> None:
         """Note the evaluations that workers have finished, or `wait` for all of them."""
         while self._beside is not None and self._beside.pending and (wait or self._beside.ready()):
             evaluated = self._beside.collect()
             self.progress.seconds["evaluate"] += evaluated.seconds
-            note_evaluation(self.progress, evaluated.step, evaluated.results)
+            log_evaluation(self.progress, evaluated.step, evaluated.results)
 
     def _write_metrics(self, program: Program) -> None:
         """Turn the sums since the last row into one row of means per seed."""
@@ -217,7 +217,7 @@ class Trainer:
         stage = self._stages[self.progress.stage]
         step, every = self.progress.step, self._cell.protocol.evaluation_every
         count = step if stage.steps is not None else (step % every or every)
-        note_metrics(self.progress, stage.name, sums, count)
+        log_metrics(self.progress, stage.name, sums, count)
         program.clear_metrics()
 
     def _advance(self, stage: Stage) -> Advance:

@@ -1,4 +1,4 @@
-"""Carrying out an agenda: data is built, files are looked at, runs train; a stop saves and leaves the rest.
+"""Carrying out an schedule: data is built, files are looked at, runs train; a stop saves and leaves the rest.
 
 Nothing is printed here: a `Watcher` sees all of it.
 """
@@ -22,14 +22,14 @@ from lfobench.data.build import ImportJob, ShardJob, build, check_present
 from lfobench.data.cache import GENERATED
 from lfobench.data.remarks import check_parts, remarks
 from lfobench.data.source import load_task
-from lfobench.engine.job import Job, Left, Recorded, carry_out
+from lfobench.engine.job import Job, Recorded, TrainedElsewhere, run_job
 from lfobench.engine.method_check import require_sound
 from lfobench.errors import UserError
 from lfobench.files import Held, is_held, locked, remove_leftovers, writable_folder
 from lfobench.record import Warning
 from lfobench.records.folder import RecordFolder, write_failure
 from lfobench.schedule.executors import Ended, Event, in_processes, in_sequence, in_threads
-from lfobench.schedule.jobs import Agenda, Forecast
+from lfobench.schedule.jobs import Forecast, Schedule
 from lfobench.source_code import ships
 
 WAIT_SECONDS = 1.0
@@ -66,8 +66,8 @@ class Watcher:
         """Every shard as it is made."""
         return made
 
-    def training(self, agenda: Agenda, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
-        """Every event of the agenda's jobs as it comes."""
+    def training(self, schedule: Schedule, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
+        """Every event of the schedule's jobs as it comes."""
         return events
 
     def waiting(self, runs: int) -> None:
@@ -91,7 +91,7 @@ class Lines(Watcher):
         self._show = show
         self.problems: list[str] = []
 
-    def training(self, agenda: Agenda, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
+    def training(self, schedule: Schedule, expected: Forecast, events: Iterator[Event]) -> Iterator[Event]:
         """The score of each run, as it is recorded."""
         for event in events:
             if isinstance(event.what, Recorded):
@@ -150,13 +150,13 @@ class StopRequest:
         self._announce()
 
 
-def carry_out_agenda(
-    agenda: Agenda, expected: Forecast, out: Path, stop: StopRequest, watcher: Watcher, wait: bool = True
+def execute_schedule(
+    schedule: Schedule, expected: Forecast, out: Path, stop: StopRequest, watcher: Watcher, wait: bool = True
 ) -> Tally:
     """Build the missing data, train the pending runs.
 
     Args:
-        agenda: what is left to do.
+        schedule: what is left to do.
         expected: how long it takes.
         out: the output folder.
         stop: says when to save and end.
@@ -166,38 +166,38 @@ def carry_out_agenda(
     Raises:
         UserError: for data that is damaged, or a folder that cannot be written into or has no file locks.
     """
-    plan = agenda.plan
+    plan = schedule.plan
     check_here(plan.tasks, plan.cells[0].suite, plan.cells[0].source)
     with watcher.phase("Checking the methods…"):
-        check_methods(agenda.jobs)
+        check_methods(schedule.jobs)
     sources = {task.name: spelled(task, plan.cells[0].source) for task in plan.tasks}
 
     def rebuild(task: str) -> str:
         return build_command(plan.cells[0].suite, plan.protocol.name, task, sources[task])
 
     with watcher.phase("Checking the data…"):
-        check_present(agenda.cache, agenda.requests, rebuild)
-    if agenda.shards:
-        writable_folder(agenda.cache, "LFOBENCH_CACHE")
+        check_present(schedule.cache, schedule.requests, rebuild)
+    if schedule.shards:
+        writable_folder(schedule.cache, "LFOBENCH_CACHE")
     folder = RecordFolder(out)
     writable_folder(folder.checkpoints, "--out")
     with suppress(Held), locked(folder.checkpoints / "any.lock", "--out"):
         pass  # a file system without locks is named before anything trains
     tally = Tally()
     with stop.listening():
-        build_data(agenda.shards, agenda.builders, stop, watcher)
+        build_data(schedule.shards, schedule.builders, stop, watcher)
         folder.remove_leftovers()
         if not stop():
-            _look_at_data(agenda, rebuild, stop, watcher)
+            _look_at_data(schedule, rebuild, stop, watcher)
         if not stop():
-            folder.set_aside(agenda.again)
-            busy = _train(agenda, expected, folder, stop, watcher, tally)
+            folder.set_aside(schedule.again)
+            busy = _train(schedule, expected, folder, stop, watcher, tally)
             if wait:
-                busy = _follow(agenda, expected, busy, folder, stop, watcher, tally)
+                busy = _follow(schedule, expected, busy, folder, stop, watcher, tally)
             tally.busy = sum(len(job.seeds) for job in _unfinished(busy, folder))
     tally.stopped = stop()
     if not (tally.stopped or tally.failed or tally.busy):
-        remove_checkpoints_of_the_finished(agenda, out)
+        remove_checkpoints_of_the_finished(schedule, out)
     return tally
 
 
@@ -216,13 +216,13 @@ def check_methods(jobs: Sequence[Job]) -> None:
             require_sound(cell.method, cell.config, Shapes(spaces.observation, len(spaces.actions.low)))
 
 
-def _look_at_data(agenda: Agenda, rebuild: Callable[[str], str], stop: StopRequest, watcher: Watcher) -> None:
+def _look_at_data(schedule: Schedule, rebuild: Callable[[str], str], stop: StopRequest, watcher: Watcher) -> None:
     """Refuse files that nothing can be learned from, and say what is odd about data, before anything trains on it.
 
     Data that was generated for actions in [-1, 1] is not looked at: it takes long, and finds nothing.
     """
     cells: dict[str, list[Cell]] = {}
-    for job in agenda.jobs:
+    for job in schedule.jobs:
         task = job.cell.task
         if task.read_from is not None or not task.environment.spaces.actions.is_unit:
             cells.setdefault(job.cell.task.name, []).append(job.cell)
@@ -230,16 +230,16 @@ def _look_at_data(agenda: Agenda, rebuild: Callable[[str], str], stop: StopReque
         for name, of_task in cells.items():
             if stop():
                 return
-            data = load_task(agenda.cache, agenda.plan.suite, of_task[0].task, of_task[0].recipe, rebuild(name))
+            data = load_task(schedule.cache, schedule.plan.suite, of_task[0].task, of_task[0].recipe, rebuild(name))
             check_parts(data)
             for cell in of_task:
                 watcher.warn(list(remarks(data, cell.needs)))
 
 
-def remove_checkpoints_of_the_finished(agenda: Agenda, out: Path) -> None:
+def remove_checkpoints_of_the_finished(schedule: Schedule, out: Path) -> None:
     """Delete the checkpoints of runs that were killed between writing their record and deleting their checkpoint."""
     folder = RecordFolder(out)
-    for run in agenda.plan.runs:
+    for run in schedule.plan.runs:
         if folder.path(run).exists():
             with suppress(OSError):
                 folder.checkpoint(run).unlink()
@@ -258,18 +258,18 @@ def build_data(
 
 
 def _train(
-    agenda: Agenda,
+    schedule: Schedule,
     expected: Forecast,
     folder: RecordFolder,
     stop: Callable[[], bool],
     watcher: Watcher,
     tally: Tally,
 ) -> list[Job]:
-    """Carry out the agenda's jobs; returns what of them another process has."""
-    own, busy = list(agenda.jobs), []
-    for event in watcher.training(agenda, expected, _events(agenda.jobs, agenda.workers, stop)):
+    """Carry out the schedule's jobs; returns what of them another process has."""
+    own, busy = list(schedule.jobs), []
+    for event in watcher.training(schedule, expected, _events(schedule.jobs, schedule.workers, stop)):
         job, what = own[event.index], event.what
-        if isinstance(what, Left):
+        if isinstance(what, TrainedElsewhere):
             busy.append(replace(job, seeds=what.seeds))
             own[event.index] = replace(job, seeds=tuple(seed for seed in job.seeds if seed not in what.seeds))
         elif isinstance(what, Ended) and what.outcome == "failed":
@@ -279,7 +279,7 @@ def _train(
 
 
 def _follow(
-    agenda: Agenda,
+    schedule: Schedule,
     expected: Forecast,
     busy: Sequence[Job],
     folder: RecordFolder,
@@ -308,7 +308,9 @@ def _follow(
             if len(free) < len(job.seeds)
         ]
         taken = {run.identity_hash for job in released for run in job.runs}
-        rest = replace(agenda, jobs=released, done=[run for run in agenda.plan.runs if run.identity_hash not in taken])
+        rest = replace(
+            schedule, jobs=released, done=[run for run in schedule.plan.runs if run.identity_hash not in taken]
+        )
         shares = replace(expected, job_seconds=[1.0 for _ in released])
         busy = [*held, *_train(rest, shares, folder, stop, watcher, tally)]
     return list(waiting)
@@ -322,10 +324,10 @@ def _unfinished(jobs: Sequence[Job], folder: RecordFolder) -> list[Job]:
 
 def _events(work: Sequence[Job], workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
     if work and work[0].device == "cuda":
-        return in_threads(work, carry_out, workers, stop)
+        return in_threads(work, run_job, workers, stop)
     if workers == 1 or len(work) == 1:
-        return in_sequence(work, carry_out, stop)
-    return in_processes(work, carry_out, workers, stop)
+        return in_sequence(work, run_job, stop)
+    return in_processes(work, run_job, workers, stop)
 
 
 def _kept(folder: RecordFolder, job: Job, ended: Ended, watcher: Watcher) -> Iterator[Path]:

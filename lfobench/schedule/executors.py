@@ -16,13 +16,13 @@ from multiprocessing.synchronize import Event as StopFlag
 from queue import Empty, SimpleQueue
 from typing import Literal
 
-from lfobench.engine.job import Busy, Job, Left, Recorded
+from lfobench.engine.job import Busy, Job, Recorded, TrainedElsewhere
 from lfobench.engine.training import Advance
 from lfobench.errors import UserError, own_lines
 from lfobench.processes import die_with_parent, interrupts_held
 
 Outcome = Literal["done", "stopped", "busy", "failed"]
-CarryOut = Callable[[Job, Callable[[], bool]], Iterator[Advance | Recorded | Left]]
+RunJob = Callable[[Job, Callable[[], bool]], Iterator[Advance | Recorded | TrainedElsewhere]]
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,15 @@ class Event:
     """Something that happened to the job at `index` of the submitted list."""
 
     index: int
-    what: Advance | Recorded | Left | Ended
+    what: Advance | Recorded | TrainedElsewhere | Ended
 
 
-def attempt(job: Job, carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator[Advance | Recorded | Left | Ended]:
+def attempt(
+    job: Job, run_job: RunJob, stop: Callable[[], bool]
+) -> Iterator[Advance | Recorded | TrainedElsewhere | Ended]:
     """Carry out a job and turn whatever ends it into an `Ended`, so that other jobs go on."""
     try:
-        yield from carry_out(job, stop)
+        yield from run_job(job, stop)
     except Busy:
         yield Ended("busy", "another process is training it")
     except UserError as error:
@@ -64,12 +66,12 @@ def attempt(job: Job, carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator
         yield Ended("stopped" if stop() else "done")
 
 
-def in_sequence(jobs: Sequence[Job], carry_out: CarryOut, stop: Callable[[], bool]) -> Iterator[Event]:
+def in_sequence(jobs: Sequence[Job], run_job: RunJob, stop: Callable[[], bool]) -> Iterator[Event]:
     """Carry out `jobs` in order; after a stop the rest is left for the next command."""
     for index, job in enumerate(jobs):
         if stop():
             return
-        for what in attempt(job, carry_out, stop):
+        for what in attempt(job, run_job, stop):
             yield Event(index, what)
 
 
@@ -77,7 +79,7 @@ POLL_SECONDS = 0.2
 MOST_LANES = 16
 
 
-def in_threads(jobs: Sequence[Job], carry_out: CarryOut, lanes: int, stop: Callable[[], bool]) -> Iterator[Event]:
+def in_threads(jobs: Sequence[Job], run_job: RunJob, lanes: int, stop: Callable[[], bool]) -> Iterator[Event]:
     """Carry out `jobs` on `lanes` threads; events of different jobs interleave.
 
     After a stop the running jobs save their checkpoints and end; the rest is left for the next command.
@@ -98,7 +100,7 @@ def in_threads(jobs: Sequence[Job], carry_out: CarryOut, lanes: int, stop: Calla
                     except IndexError:
                         return
                     try:
-                        for what in attempt(job, carry_out, stopped):
+                        for what in attempt(job, run_job, stopped):
                             events.put(Event(index, what))
                     except BaseException as error:  # an exit: a thread would end without a word
                         message = f"{type(error).__name__}: {error}"
@@ -142,9 +144,9 @@ LEAVING_SECONDS = 5.0
 class _Worker:
     """One process and the job it is at."""
 
-    def __init__(self, context: SpawnContext, carry_out: CarryOut, flag: StopFlag) -> None:
+    def __init__(self, context: SpawnContext, run_job: RunJob, flag: StopFlag) -> None:
         self.pipe, far_end = context.Pipe()
-        self.process: SpawnProcess = context.Process(target=_work, args=(far_end, carry_out, flag), daemon=True)
+        self.process: SpawnProcess = context.Process(target=_work, args=(far_end, run_job, flag), daemon=True)
         with interrupts_held():
             self.process.start()
         far_end.close()
@@ -160,7 +162,7 @@ class _Worker:
         return True
 
 
-def in_processes(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
+def in_processes(jobs: Sequence[Job], run_job: RunJob, workers: int, stop: Callable[[], bool]) -> Iterator[Event]:
     """Carry out `jobs` on `workers` processes; events of different jobs interleave.
 
     After a stop the running jobs save their checkpoints and end; the rest is left for the next command.
@@ -169,7 +171,7 @@ def in_processes(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: C
     with interrupts_held():
         flag = context.Event()
     waiting = deque(enumerate(jobs))
-    pool = [_Worker(context, carry_out, flag) for _ in range(min(workers, len(jobs)))]
+    pool = [_Worker(context, run_job, flag) for _ in range(min(workers, len(jobs)))]
     try:
         while True:
             if stop():
@@ -181,7 +183,7 @@ def in_processes(jobs: Sequence[Job], carry_out: CarryOut, workers: int, stop: C
                     if worker.process.is_alive() and worker.give(index, job):
                         continue
                     _end([worker])
-                    pool[position] = worker = _Worker(context, carry_out, flag)
+                    pool[position] = worker = _Worker(context, run_job, flag)
                     if not worker.give(index, job):
                         yield Event(index, _died(worker))
             busy = {worker.pipe: worker for worker in pool if worker.index is not None}
@@ -225,7 +227,7 @@ def _died(worker: _Worker) -> Ended:
     return Ended("failed", f"its worker process died (exit code {worker.process.exitcode})")
 
 
-def _work(pipe: Connection, carry_out: CarryOut, flag: StopFlag) -> None:
+def _work(pipe: Connection, run_job: RunJob, flag: StopFlag) -> None:
     die_with_parent()
     while True:
         try:
@@ -235,7 +237,7 @@ def _work(pipe: Connection, carry_out: CarryOut, flag: StopFlag) -> None:
         except Exception as error:  # a method's or suite's file is no longer what it was
             pipe.send(Ended("failed", f"{type(error).__name__}: {error}", traceback.format_exc()))
             continue
-        for what in attempt(job, carry_out, flag.is_set):
+        for what in attempt(job, run_job, flag.is_set):
             try:
                 pipe.send(what)
             except OSError:

@@ -43,7 +43,7 @@ class Needs:
 
 
 @dataclass(frozen=True)
-class Agenda:
+class Schedule:
     """A plan and what is left of it.
 
     Attributes:
@@ -102,7 +102,7 @@ def resolve(wanted: Request, tuned_in: Path | None = None) -> Plan:
     return plan if tuned_in is None else with_choices(plan, wanted, TuningFolder(tuned_in))
 
 
-def make_agenda(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: int, rerun: bool = False) -> Agenda:
+def make_schedule(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: int, rerun: bool = False) -> Schedule:
     """Hold a plan against the records and the dataset cache; writes nothing.
 
     With `rerun`, what is done is done again.
@@ -130,7 +130,7 @@ def make_agenda(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: 
     wanted = [
         (name, request) for name, cell in cells.items() for request in requests(plan.suite, cell.task, cell.recipe)
     ]
-    return Agenda(
+    return Schedule(
         plan,
         done,
         jobs,
@@ -145,7 +145,7 @@ def make_agenda(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: 
 
 @dataclass(frozen=True)
 class Forecast:
-    """How long an agenda will take on this machine.
+    """How long an schedule will take on this machine.
 
     Attributes:
         job_seconds: per job, were it alone on a core or device.
@@ -159,11 +159,11 @@ class Forecast:
     warnings: Sequence[Warning]
 
 
-def forecast(agenda: Agenda, prober: Prober) -> Forecast:
+def forecast(schedule: Schedule, prober: Prober) -> Forecast:
     """Estimate every job from the probe; a method or simulator that fails in it is a warning."""
     problems: dict[str, str] = {}
     measured: list[float | None] = []
-    for job in agenda.jobs:
+    for job in schedule.jobs:
         try:
             estimate = prober.estimate(job.cell, len(job.seeds), job.threads)
             measured.append(
@@ -178,22 +178,22 @@ def forecast(agenda: Agenda, prober: Prober) -> Forecast:
     known = [seconds for seconds in measured if seconds is not None]
     mean = sum(known) / len(known) if known else 1.0
     job_seconds = [mean if seconds is None else seconds for seconds in measured]
-    building = sum(IMPORT_SECONDS for job in agenda.shards if isinstance(job, ImportJob))
-    made = Counter((job.task, job.level) for job in agenda.shards if isinstance(job, ShardJob))
+    building = sum(IMPORT_SECONDS for job in schedule.shards if isinstance(job, ImportJob))
+    made = Counter((job.task, job.level) for job in schedule.shards if isinstance(job, ShardJob))
     for (task, level), shards in made.items():
         try:
-            building += shards * _shard_seconds(agenda.plan, task, level, prober)
+            building += shards * _shard_seconds(schedule.plan, task, level, prober)
         except UserError:
             raise
         except Exception as error:
             what = f"The {level} data of {task} failed in the probe ({type(error).__name__}: {error})."
             problems[what] = "Nothing trains until all data is made: mend it, or leave the task out with --tasks."
     # Jobs that share a device were each measured alone on it.
-    spread = sum(job_seconds) / (1 if agenda.plan.device == "cuda" else agenda.workers)
-    data = building / min(agenda.builders, len(agenda.shards) or 1)
+    spread = sum(job_seconds) / (1 if schedule.plan.device == "cuda" else schedule.workers)
+    data = building / min(schedule.builders, len(schedule.shards) or 1)
     warnings = [
-        *(warning for task in agenda.plan.tasks for warning in unbounded_actions(task)),
-        *agenda.notes,
+        *(warning for task in schedule.plan.tasks for warning in unbounded_actions(task)),
+        *schedule.notes,
         *(Warning(what=what, remedy=remedy) for what, remedy in problems.items()),
     ]
     return Forecast(job_seconds, data + max([spread, *job_seconds]), warnings)

@@ -1,4 +1,4 @@
-"""Fitting an agenda to the machine: how many jobs at once, with how many seeds, threads and evaluators each.
+"""Fitting an schedule to the machine: how many jobs at once, with how many seeds, threads and evaluators each.
 
 By rules of counts and sizes, never of measured times: a plan that is asked for twice is the same plan.
 """
@@ -19,7 +19,7 @@ from lfobench.files import cache_folder
 from lfobench.processes import available_cores
 from lfobench.record import Warning
 from lfobench.records.folder import RecordsRead
-from lfobench.schedule.jobs import Agenda, Forecast, forecast, make_agenda
+from lfobench.schedule.jobs import Forecast, Schedule, forecast, make_schedule
 from lfobench.source_code import in_session
 
 # Jobs that share a CUDA device: one keeps it busy, the others load, record and wait.
@@ -32,7 +32,7 @@ MOST_THREADS = 4
 
 def arranged(
     plan: Plan, read: RecordsRead, out: Path, workers: int | None, rerun: bool = False
-) -> tuple[Agenda, Forecast]:
+) -> tuple[Schedule, Forecast]:
     """What is left of a plan, arranged for this machine, and how long it will take; writes nothing.
 
     Args:
@@ -45,34 +45,34 @@ def arranged(
     Raises:
         UserError: for a run whose records contradict each other.
     """
-    agenda = make_agenda(plan, read, out, cache_folder(), workers or available_cores(), rerun)
+    schedule = make_schedule(plan, read, out, cache_folder(), workers or available_cores(), rerun)
     prober = Prober(plan.device)
-    agenda = packed(agenda, prober, memory_of(torch.device(plan.device)), available_cores(), workers)
-    return agenda, forecast(agenda, prober)
+    schedule = packed(schedule, prober, memory_of(torch.device(plan.device)), available_cores(), workers)
+    return schedule, forecast(schedule, prober)
 
 
-def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: int | None) -> Agenda:
+def packed(schedule: Schedule, prober: Prober, memory: Memory, cores: int, workers: int | None) -> Schedule:
     """The same work, arranged for the machine.
 
     Args:
-        agenda: what is left to do.
+        schedule: what is left to do.
         prober: knows the sizes of jobs.
         memory: of the device.
         cores: of the processor.
         workers: jobs at once that the user asked for; None leaves the number to us.
     """
-    if not agenda.jobs:
-        return agenda
-    on_cuda = agenda.plan.device == "cuda"
-    here_only = {job.cell.method.name for job in agenda.jobs if in_session(job.cell.method)}
+    if not schedule.jobs:
+        return schedule
+    on_cuda = schedule.plan.device == "cuda"
+    here_only = {job.cell.method.name for job in schedule.jobs if in_session(job.cell.method)}
     # Threads of this process know what it knows; other processes do not.
     wanted = 1 if here_only and not on_cuda else workers or (LANES if on_cuda else cores)
     problems: dict[str, Warning] = {}
-    footprints = [_footprint(prober, job, on_cuda, problems) for job in agenda.jobs]
+    footprints = [_footprint(prober, job, on_cuda, problems) for job in schedule.jobs]
     jobs: list[Job] = []
     totals: list[int] = []
     split = 0
-    for job, footprint in zip(agenda.jobs, footprints, strict=True):
+    for job, footprint in zip(schedule.jobs, footprints, strict=True):
         # By what the device has, not by what is free: on a GPU, groups of another size round otherwise.
         groups = fitting_groups(job.seeds, footprint, memory.capacity)
         split += len(groups) > 1
@@ -92,7 +92,7 @@ def packed(agenda: Agenda, prober: Prober, memory: Memory, cores: int, workers: 
         ]
     elif workers is None:
         jobs = [replace(job, threads=_threads(len(jobs), cores)) for job in jobs]
-    return replace(agenda, jobs=jobs, workers=count, notes=notes)
+    return replace(schedule, jobs=jobs, workers=count, notes=notes)
 
 
 def _threads(jobs: int, cores: int) -> int:

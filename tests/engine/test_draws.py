@@ -33,6 +33,6 @@ def test_buffers_are_refilled_in_place_and_steps_pass_without_the_host() -> None
     for step in range(10):
         draws.move_to(step, draws.refill)
         assert torch.equal(running.normal("a", 3), RANDOMNESS.normal("update: a", step, 3)), step
-        draws.pass_on()
+        draws.advance()
     assert draws.buffer("normal update: a", 3, lambda steps: torch.empty(0)).data_ptr() == where
     assert draws.kinds == 1

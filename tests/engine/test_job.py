@@ -27,7 +27,7 @@ from lfobench.cells.cell import Cell
 from lfobench.contract.method import DataNeeds, Stage
 from lfobench.engine import job as engine_job
 from lfobench.engine import training
-from lfobench.engine.job import Busy, Job, Recorded, carry_out
+from lfobench.engine.job import Busy, Job, Recorded, run_job
 from lfobench.engine.training import Advance
 from lfobench.errors import UserError
 from lfobench.records.folder import RecordFolder
@@ -372,7 +372,7 @@ def test_altered_weights_in_a_checkpoint_do_not_reach_a_record(tmp_path: Path, s
 
 def test_two_processes_on_one_job(tmp_path: Path, shared_cache: Path) -> None:
     job = make_job(cell_of(Drifting), [0], tmp_path, shared_cache)
-    first = carry_out(job, lambda: False)
+    first = run_job(job, lambda: False)
     next(first)
     with pytest.raises(Busy):
         finish(job)

@@ -22,11 +22,11 @@ from helpers_engine import (
 )
 
 from lfobench.cli.progress import Terminal
-from lfobench.engine.job import Job, Recorded, carry_out
+from lfobench.engine.job import Job, Recorded, run_job
 from lfobench.engine.training import Advance
 from lfobench.records.folder import RecordFolder, read_failures, write_failure
 from lfobench.schedule import executors as pool
-from lfobench.schedule.executors import CarryOut, Ended, Event, in_processes, in_sequence
+from lfobench.schedule.executors import Ended, Event, RunJob, in_processes, in_sequence
 
 pytestmark = pytest.mark.slow
 
@@ -48,8 +48,8 @@ def test_pool_and_local_leave_the_same_records(tmp_path: Path, shared_cache: Pat
         ]
 
     one, two = jobs("local"), jobs("pool")
-    assert outcomes(list(in_sequence(one, carry_out, never))) == dict.fromkeys(range(4), "done")
-    assert outcomes(list(in_processes(two, carry_out, 2, never))) == dict.fromkeys(range(4), "done")
+    assert outcomes(list(in_sequence(one, run_job, never))) == dict.fromkeys(range(4), "done")
+    assert outcomes(list(in_processes(two, run_job, 2, never))) == dict.fromkeys(range(4), "done")
     for here, there in zip(one, two, strict=True):
         assert [record.measured() for record in records_of(here)] == [record.measured() for record in records_of(there)]
 
@@ -60,7 +60,7 @@ def test_a_worker_that_dies_fails_its_own_job_only(tmp_path: Path, shared_cache:
     marker.touch()
     cells = [cell_of(Drifting), cell_of(Dying, marker=str(marker)), cell_of(Drifting), cell_of(Raising)]
     jobs = [make_job(cell, [seed], tmp_path / "out", shared_cache) for seed, cell in enumerate(cells)]
-    events = list(in_processes(jobs, carry_out, 1, never))
+    events = list(in_processes(jobs, run_job, 1, never))
     assert outcomes(events) == {0: "done", 1: "failed", 2: "done", 3: "failed"}
     died, raised = endings(events)[1], endings(events)[3]
     assert "worker process died" in died.message
@@ -68,13 +68,13 @@ def test_a_worker_that_dies_fails_its_own_job_only(tmp_path: Path, shared_cache:
     assert "a bug in somebody's method" in raised.message
     assert "Traceback" in raised.detail
     marker.unlink()
-    again = list(in_sequence(jobs[1:2], carry_out, never))
+    again = list(in_sequence(jobs[1:2], run_job, never))
     assert outcomes(again) == {0: "done"}
 
 
 def test_a_bug_in_one_method_leaves_the_others_alone(tmp_path: Path, shared_cache: Path) -> None:
     jobs = [make_job(cell_of(method), [0], tmp_path, shared_cache) for method in (Raising, Drifting)]
-    events = list(in_sequence(jobs, carry_out, never))
+    events = list(in_sequence(jobs, run_job, never))
     assert outcomes(events) == {0: "failed", 1: "done"}
     (line,) = endings(events)[0].place
     assert "helpers_engine.py:" in line
@@ -85,7 +85,7 @@ def test_a_failure_shows_the_users_own_lines_and_keeps_them(
     tmp_path: Path, shared_cache: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     job = make_job(cell_of(Raising), [0], tmp_path, shared_cache)
-    (ended,) = endings(list(in_sequence([job], carry_out, never))).values()
+    (ended,) = endings(list(in_sequence([job], run_job, never))).values()
     folder = RecordFolder(tmp_path)
     path = write_failure(folder, job.runs[0], f"{ended.message}\x1b[2J", ended.detail, ended.place)
     Terminal(quiet=True).failed(job, ended, [path])
@@ -97,7 +97,7 @@ def test_a_failure_shows_the_users_own_lines_and_keeps_them(
 
 def test_missing_data_is_reported_without_a_traceback(tmp_path: Path) -> None:
     job = Job(cell_of(Drifting), (0,), tmp_path / "out", tmp_path / "cache", "cpu")
-    (ended,) = endings(list(in_sequence([job], carry_out, never))).values()
+    (ended,) = endings(list(in_sequence([job], run_job, never))).values()
     assert ended.outcome == "failed"
     assert "missing" in ended.message
     assert ended.detail == ""
@@ -105,19 +105,19 @@ def test_missing_data_is_reported_without_a_traceback(tmp_path: Path) -> None:
 
 def test_a_job_held_elsewhere_is_busy(tmp_path: Path, shared_cache: Path) -> None:
     jobs = [make_job(cell_of(Drifting), [seed], tmp_path, shared_cache) for seed in (0, 1)]
-    holder = carry_out(jobs[0], never)
+    holder = run_job(jobs[0], never)
     next(holder)
-    assert outcomes(list(in_sequence(jobs, carry_out, never))) == {0: "busy", 1: "done"}
+    assert outcomes(list(in_sequence(jobs, run_job, never))) == {0: "busy", 1: "done"}
     list(holder)
 
 
 def test_a_stop_leaves_the_rest_for_the_next_command(tmp_path: Path, shared_cache: Path) -> None:
     jobs = [make_job(cell_of(Drifting), [seed], tmp_path, shared_cache) for seed in (0, 1, 2)]
     events: list[Event] = []
-    for event in in_sequence(jobs, carry_out, lambda: any(isinstance(event.what, Advance) for event in events)):
+    for event in in_sequence(jobs, run_job, lambda: any(isinstance(event.what, Advance) for event in events)):
         events.append(event)
     assert outcomes(events) == {0: "stopped"}
-    assert outcomes(list(in_sequence(jobs, carry_out, never))) == dict.fromkeys(range(3), "done")
+    assert outcomes(list(in_sequence(jobs, run_job, never))) == dict.fromkeys(range(3), "done")
 
 
 def crawl(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
@@ -158,7 +158,7 @@ def dawdle(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
 
 @pytest.mark.parametrize("work", [crawl, dawdle])
 def test_whoever_stops_listening_leaves_no_process(
-    work: CarryOut, tmp_path: Path, shared_cache: Path, capfd: pytest.CaptureFixture[str]
+    work: RunJob, tmp_path: Path, shared_cache: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """A second Ctrl-C; also with a worker that will not leave, or is too slow for it on a busy machine."""
     jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1)]

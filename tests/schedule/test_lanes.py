@@ -16,9 +16,9 @@ import pytest
 from helpers_cli import PATIENCE
 from helpers_engine import Drifting, Raising, StopAfter, cell_of, make_job, never, records_of, smoke_cell
 
-from lfobench.engine.job import Job, Recorded, carry_out
+from lfobench.engine.job import Job, Recorded, run_job
 from lfobench.engine.training import Advance
-from lfobench.schedule.executors import CarryOut, Ended, Event, in_sequence, in_threads
+from lfobench.schedule.executors import Ended, Event, RunJob, in_sequence, in_threads
 
 
 def outcomes(events: Sequence[Event]) -> dict[int, str]:
@@ -37,13 +37,13 @@ def measured(jobs: Sequence[Job]) -> list[Any]:
     return [record.measured() for job in jobs for record in records_of(job)]
 
 
-def together(jobs: int) -> CarryOut:
-    """`carry_out` of jobs that wait for each other before they begin: they run at once, or not at all."""
+def together(jobs: int) -> RunJob:
+    """`run_job` of jobs that wait for each other before they begin: they run at once, or not at all."""
     barrier = threading.Barrier(jobs)
 
     def begin(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
         barrier.wait(PATIENCE)
-        yield from carry_out(job, stop)
+        yield from run_job(job, stop)
 
     return begin
 
@@ -59,7 +59,7 @@ def test_lanes_and_local_leave_the_same_records(tmp_path: Path, shared_cache: Pa
         ]
 
     one, two = jobs("local"), jobs("lanes")
-    here, there = list(in_sequence(one, carry_out, never)), list(in_threads(two, together(2), 2, never))
+    here, there = list(in_sequence(one, run_job, never)), list(in_threads(two, together(2), 2, never))
     assert outcomes(here) == outcomes(there) == dict.fromkeys(range(4), "done")
     assert measured(two) == measured(one)
 
@@ -86,7 +86,7 @@ def test_events_of_two_jobs_interleave(tmp_path: Path, shared_cache: Path) -> No
 
 def test_every_job_is_reported_from_its_first_step_to_its_record(tmp_path: Path, shared_cache: Path) -> None:
     jobs = drifting([0, 1, 2], tmp_path, shared_cache)
-    events = list(in_threads(jobs, carry_out, 2, never))
+    events = list(in_threads(jobs, run_job, 2, never))
     for index, job in enumerate(jobs):
         *advances, recorded, ended = of_job(events, index)
         assert [advance.done for advance in advances] == sorted(advance.done for advance in advances)
@@ -109,7 +109,7 @@ def test_whatever_ends_one_job_ends_no_other(tmp_path: Path, shared_cache: Path)
     jobs[2] = Job(cells[2], (2,), tmp_path, tmp_path / "no-cache", "cpu")
 
     def some_leave(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
-        return leave(job, stop) if job is jobs[1] else carry_out(job, stop)
+        return leave(job, stop) if job is jobs[1] else run_job(job, stop)
 
     events = list(in_threads(jobs, some_leave, 1, never))
     assert outcomes(events) == {0: "failed", 1: "failed", 2: "failed", 3: "done"}
@@ -123,9 +123,9 @@ def test_whatever_ends_one_job_ends_no_other(tmp_path: Path, shared_cache: Path)
 
 def test_a_job_that_is_running_already_is_busy(tmp_path: Path, shared_cache: Path) -> None:
     jobs = drifting([0, 1], tmp_path, shared_cache)
-    holder = carry_out(jobs[0], never)
+    holder = run_job(jobs[0], never)
     next(holder)
-    assert outcomes(list(in_threads(jobs, carry_out, 2, never))) == {0: "busy", 1: "done"}
+    assert outcomes(list(in_threads(jobs, run_job, 2, never))) == {0: "busy", 1: "done"}
     list(holder)
 
 
@@ -133,17 +133,17 @@ def test_a_stop_saves_what_runs_and_leaves_the_rest(tmp_path: Path, shared_cache
     """The stop is asked for after 30 questions of both jobs together: neither has come to its 47th step."""
     straight = drifting([0, 1, 2], tmp_path / "straight", shared_cache)
     broken = drifting([0, 1, 2], tmp_path / "broken", shared_cache)
-    list(in_sequence(straight, carry_out, never))
+    list(in_sequence(straight, run_job, never))
     assert outcomes(list(in_threads(broken, together(2), 2, StopAfter(30)))) == {0: "stopped", 1: "stopped"}
     checkpoints = list((tmp_path / "broken").rglob("*.safetensors"))
     assert len(checkpoints) == 2
     assert not list((tmp_path / "broken").rglob("*.json"))
-    assert outcomes(list(in_threads(broken, carry_out, 2, never))) == dict.fromkeys(range(3), "done")
+    assert outcomes(list(in_threads(broken, run_job, 2, never))) == dict.fromkeys(range(3), "done")
     assert measured(broken) == measured(straight)
 
 
 def test_a_stop_before_the_first_job(tmp_path: Path, shared_cache: Path) -> None:
-    assert list(in_threads(drifting([0, 1], tmp_path, shared_cache), carry_out, 2, lambda: True)) == []
+    assert list(in_threads(drifting([0, 1], tmp_path, shared_cache), run_job, 2, lambda: True)) == []
 
 
 @pytest.mark.parametrize("ending", ["close", "raise"])
@@ -176,8 +176,8 @@ def test_lanes_end_with_whoever_listened_to_them(ending: str, tmp_path: Path, sh
 
 
 def test_more_lanes_than_jobs(tmp_path: Path, shared_cache: Path) -> None:
-    assert outcomes(list(in_threads(drifting([0, 1], tmp_path, shared_cache), carry_out, 9, never))) == {
+    assert outcomes(list(in_threads(drifting([0, 1], tmp_path, shared_cache), run_job, 9, never))) == {
         0: "done",
         1: "done",
     }
-    assert list(in_threads([], carry_out, 9, never)) == []
+    assert list(in_threads([], run_job, 9, never)) == []
