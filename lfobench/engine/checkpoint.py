@@ -5,10 +5,12 @@ Seeds that trained together may go on apart, or in other company: a run's checkp
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
@@ -17,6 +19,7 @@ from lfobench.record import Evaluation, Metrics
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
 
 METRIC_SUM = "metric sum: "
+SECONDS_BETWEEN = 120.0
 
 
 class Progress(BaseModel):
@@ -54,6 +57,10 @@ class Progress(BaseModel):
     def place(self) -> tuple[int, int]:
         """Stage and step."""
         return self.stage, self.step
+
+    def begin_stage(self, stage: int) -> None:
+        """Stand at the start of a stage."""
+        self.stage, self.step = stage, 0
 
     def of_seed(self, index: int) -> Progress:
         """One seed's part."""
@@ -94,8 +101,45 @@ class Checkpoint:
     sums: Mapping[str, Tensor]
 
 
+def joined_sums(parts: Sequence[Checkpoint]) -> dict[str, Tensor]:
+    """The metric sums ``[S]`` of seeds that stand at the same step; empty without parts."""
+    names = parts[0].sums if parts else ()
+    return {name: torch.stack([each.sums[name] for each in parts]) for name in names}
+
+
+class Checkpoints:
+    """The checkpoint files of seeds that train together.
+
+    Args:
+        files: per seed, its path and the key that hashes everything its numbers depend on.
+    """
+
+    def __init__(self, files: Sequence[tuple[Path, str]]) -> None:
+        self._files = files
+        self._saved = time.monotonic()
+
+    @property
+    def due(self) -> bool:
+        """Whether the last ones are so old that work worth keeping would be lost."""
+        return time.monotonic() - self._saved > SECONDS_BETWEEN
+
+    def save(self, progress: Progress, states: Sequence[SeedState], sums: Mapping[str, Tensor]) -> None:
+        """Write one file per seed, each whole or not at all.
+
+        Args:
+            progress: of all seeds.
+            states: of the method, per seed.
+            sums: of the metrics since their last row, ``[S]`` each.
+        """
+        sums = {name: total.cpu() for name, total in sums.items()}
+        for index, (state, (path, key)) in enumerate(zip(states, self._files, strict=True)):
+            of_seed = {name: total[index].clone() for name, total in sums.items()}
+            save(path, key, Checkpoint(progress.of_seed(index), state, of_seed))
+        self._saved = time.monotonic()
+
+
 def save(path: Path, key: str, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint, whole or not at all; `key` hashes all that its numbers depend on.
+    """Write a checkpoint, whole or not at all; `key` hashes everything that its numbers depend on.
 
     Raises:
         UserError: when the disk refuses.

@@ -212,9 +212,9 @@ def _write(
     device: torch.device,
 ) -> Iterator[Recorded]:
     """The records of trained runs, and their policies."""
-    further = trainer.further()
+    final = trainer.final_evaluation()
     for index, run in enumerate(runs):
-        record = _record(run, trainer, index, further[index], data, needs, device)
+        record = _record(run, trainer, index, final[index], data, needs, device)
         if run.cell.starts == "evaluation":
             # The policy first: a record says that a run is done. Nobody looks at a trial's.
             save_policy(folder.policy(record), record, run.cell.method, trainer.state, index, seen)
@@ -229,7 +229,7 @@ def _record(
     run: Run,
     trainer: Trainer,
     index: int,
-    further: Evaluation | None,
+    final: Evaluation | None,
     data: TaskData,
     needs: DataNeeds,
     device: torch.device,
@@ -243,7 +243,7 @@ def _record(
         status="finished" if diverged_at is None else "diverged",
         diverged_at=diverged_at,
         evaluations=progress.evaluations[index],
-        further=further,
+        further=final,
         metrics=progress.metrics[index],
         tuning=run.cell.tuning,
         counts=data.counts(needs),

@@ -1,4 +1,4 @@
-"""What is written into a job's progress: evaluations, rows of metrics, and which seeds diverged."""
+"""Logging into a job's progress: evaluations, rows of metrics, and which seeds diverged."""
 
 from __future__ import annotations
 
@@ -53,19 +53,18 @@ def log_metrics(progress: Progress, stage: str, sums: Mapping[str, Tensor], coun
         rows.append(Metrics(stage=stage, step=progress.step, values=values))
 
 
-def mark_diverged(progress: Progress, step: int, finite: Tensor) -> None:
+def mark_diverged(progress: Progress, finite: Tensor) -> None:
     """A seed whose state or latest metrics are not finite is diverged; the others go on.
 
     Args:
         progress: where it is marked.
-        step: of the main stage.
         finite: ``[S]``; whether the method's state is.
     """
     for index, seed_is_finite in enumerate(finite.tolist()):
         rows = progress.metrics[index]
         metrics_are_finite = not rows or None not in rows[-1].values.values()
         if progress.diverged_at[index] is None and not (seed_is_finite and metrics_are_finite):
-            progress.diverged_at[index] = step
+            progress.diverged_at[index] = progress.step
 
 
 def _evaluation(step: int, results: EpisodeResults, seed: int) -> Evaluation:

@@ -25,8 +25,8 @@ from helpers_engine import (
 
 from lfobench.cells.cell import Cell
 from lfobench.contract.method import DataNeeds, Stage
+from lfobench.engine import checkpoint
 from lfobench.engine import job as engine_job
-from lfobench.engine import training
 from lfobench.engine.job import Busy, Job, Recorded, run_job
 from lfobench.engine.training import Advance
 from lfobench.errors import UserError
@@ -273,7 +273,7 @@ def test_dying_without_a_word_changes_nothing(
     broken = make_job(cell_of(Drifting), [0, 4], tmp_path / "broken", shared_cache)
     finish(straight)
     if every_update:
-        monkeypatch.setattr(training, "CHECKPOINT_SECONDS", -1.0)
+        monkeypatch.setattr(checkpoint, "SECONDS_BETWEEN", -1.0)
     with monkeypatch.context() as patch:
         kill_at(update, patch)
         with pytest.raises(Killed):

@@ -24,7 +24,7 @@ from torch import Tensor
 
 from lfobench.cells.cell import Cell
 from lfobench.contract.method import Batch, Metrics, Shapes
-from lfobench.engine import training
+from lfobench.engine import checkpoint
 from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance
 from lfobench.randomness import StepRandomness
@@ -73,7 +73,7 @@ def test_a_stop_while_workers_evaluate_loses_nothing(
     in_turn, beside = in_turn_and_beside(cell_of(Drifting), [0, 4], tmp_path, shared_cache)
     finish(in_turn)
     if always_saving:
-        monkeypatch.setattr(training, "CHECKPOINT_SECONDS", -1.0)
+        monkeypatch.setattr(checkpoint, "SECONDS_BETWEEN", -1.0)
     for questions in stops:
         finish(beside, StopAfter(questions))
         folder = RecordFolder(beside.out)
