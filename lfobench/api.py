@@ -153,8 +153,8 @@ def run(
         KeyboardInterrupt: after Ctrl-C, when every run is saved; the same call continues.
     """
     # Imported here because it loads the simulators, and views need none of them.
-    from lfobench.schedule.jobs import resolve
-    from lfobench.schedule.machine import arranged
+    from lfobench.schedule.jobs import forecast, resolve
+    from lfobench.schedule.machine import arranged, within_memory
 
     # True while a worker process imports the script: `multiprocessing` itself goes by it.
     if getattr(multiprocessing.current_process(), "_inheriting", False):
@@ -181,7 +181,8 @@ def run(
     folder = RecordFolder(Path(out))
     plan = resolve(wanted, folder.root if tuned else None)
     read = read_folder(folder.root)
-    todo, expected = arranged(plan, read, folder.root, workers, rerun)
+    todo = within_memory(arranged(plan, read, folder.root, workers, rerun), workers)
+    expected = forecast(todo)
     for warning in [*read.warnings, *expected.warnings]:
         warnings.warn(f"{warning.what} {warning.remedy}", stacklevel=2)
     problems = _carry_out(todo, expected, folder.root, progress) if todo.jobs else []

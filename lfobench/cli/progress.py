@@ -205,7 +205,7 @@ def stopping() -> None:
 def carry_out(
     schedule: Schedule, expected: Forecast, out: Path, quiet: bool, wait: bool = True, again: str = "The same command"
 ) -> int:
-    """Carry an schedule out, shown on the terminal; returns the exit code.
+    """Execute a schedule, shown on the terminal; returns the exit code.
 
     Args:
         schedule: the work.

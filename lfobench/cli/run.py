@@ -44,8 +44,8 @@ def run(
     from lfobench.cli.progress import carry_out
     from lfobench.records.folder import ASIDE, read_folder
     from lfobench.schedule.execution import remove_checkpoints_of_the_finished
-    from lfobench.schedule.jobs import resolve
-    from lfobench.schedule.machine import arranged
+    from lfobench.schedule.jobs import forecast, resolve
+    from lfobench.schedule.machine import arranged, within_memory
     from lfobench.text import counted
 
     wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
@@ -53,7 +53,9 @@ def run(
     read = read_folder(out)
     warn(read.warnings)
     with errors.status("Measuring this machine…"):
-        todo, expected = arranged(plan, read, out, workers, rerun)
+        todo = arranged(plan, read, out, workers, rerun)
+        todo = todo if dry_run else within_memory(todo, workers)
+        expected = forecast(todo)
     if as_json:
         print_json(planned.as_json(todo, expected))
     else:

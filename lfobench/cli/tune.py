@@ -62,8 +62,8 @@ def tune(
     from lfobench.cli.progress import carry_out
     from lfobench.files import remove_leftovers
     from lfobench.records.tuning import TuningFolder
-    from lfobench.schedule.jobs import resolve
-    from lfobench.schedule.machine import arranged
+    from lfobench.schedule.jobs import forecast, resolve
+    from lfobench.schedule.machine import arranged, within_memory
 
     named = methods if methods is not None else _all_with_grids(suite, tasks, grid or ())
     wanted = request(named, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
@@ -72,7 +72,9 @@ def tune(
     trials = replace(plan, cells=tuple(trial for search in found for trial in search.trials(starts)))
     folder = TuningFolder(out)
     with errors.status("Measuring this machine…"):
-        todo, expected = arranged(trials, _finished(folder.trials, trials), folder.trials.root, workers)
+        finished = _finished(folder.trials, trials)
+        todo = within_memory(arranged(trials, finished, folder.trials.root, workers), workers)
+        expected = forecast(todo)
     if not as_json:
         planned.show(todo, expected, folder.trials.root)
     elif dry_run:

@@ -1,147 +1,42 @@
-"""A short measured probe: how long this machine will take and how much memory, before it starts."""
+"""A short measured probe of how long this machine will take, and with how much memory, before anything trains.
+
+A step of a method is measured once per configuration: its time depends on the hidden layers and the batch far more
+than on the width of a flat observation. A step of a simulator is measured once per environment.
+"""
 
 from __future__ import annotations
 
 import itertools
 import statistics
 import time
-import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils._python_dispatch import TorchDispatchMode
-from torch.utils._pytree import tree_flatten
 
 from lfobench.cells.cell import Cell
 from lfobench.contract.method import DataNeeds, Field, Method, Shapes, Sizes, Stage
-from lfobench.contract.suite import Demonstrator, Environment, FloatArray, Operator
+from lfobench.contract.suite import Environment, FloatArray, Operator
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
+from lfobench.engine.memory import Footprint, peak_bytes
 from lfobench.engine.program import Program, recorder_for
 from lfobench.engine.state import live_tensors
 from lfobench.randomness import Randomness
 
-# Libraries, allocators and graphs take more than the tensors themselves.
-MARGIN = 1.5
-USABLE = 0.9
-
-
-@dataclass(frozen=True)
-class Footprint:
-    """Bytes that a job keeps at once.
-
-    Attributes:
-        fixed: whatever the seeds: the data, the process.
-        per_seed: for every seed: parameters, optimiser state, what a step holds.
-    """
-
-    fixed: int
-    per_seed: int
-
-    def total(self, seeds: int) -> int:
-        """Of that many seeds together, with a margin."""
-        return round(MARGIN * (self.fixed + seeds * self.per_seed))
-
-
-class _Peak(TorchDispatchMode):
-    """Follows the tensors that operations make: bytes alive now, and at most."""
-
-    def __init__(self) -> None:
-        super().__init__()  # type: ignore[no-untyped-call]
-        self.now = self.most = 0
-        self._known: set[int] = set()
-
-    def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
-        for given in tree_flatten((args, kwargs))[0]:
-            if isinstance(given, Tensor):
-                self._follow(given.untyped_storage(), 0)
-        out = func(*args, **(kwargs or {}))
-        for made in tree_flatten(out)[0]:
-            if isinstance(made, Tensor):
-                self._follow(made.untyped_storage(), made.untyped_storage().nbytes())
-        return out
-
-    def _follow(self, storage: torch.UntypedStorage, size: int) -> None:
-        key = storage._cdata
-        if key in self._known:
-            return
-        self._known.add(key)
-        self.now += size
-        self.most = max(self.most, self.now)
-        # Also of what was given: a later tensor may get its place.
-        weakref.finalize(storage, self._drop, key, size)
-
-    def _drop(self, key: int, size: int) -> None:
-        self._known.discard(key)
-        self.now -= size
-
-
-def peak_bytes(work: Callable[[], object]) -> int:
-    """The most that the tensors made by `work` take at once; what it was given does not count."""
-    peak = _Peak()
-    with peak:
-        work()
-    return peak.most
-
-
-@dataclass(frozen=True)
-class Memory:
-    """Bytes that may be planned with; None where the system does not tell.
-
-    Attributes:
-        capacity: if nobody else used the device.
-        free: as things are.
-    """
-
-    capacity: int | None
-    free: int | None
-
-
-def memory_of(device: torch.device) -> Memory:
-    """The memory of a device, less a reserve."""
-    if device.type == "cuda":
-        free, total = torch.cuda.mem_get_info(device)
-        return Memory(round(USABLE * total), round(USABLE * free))
-    try:
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return Memory(None, None)
-    sizes = {line.split(":")[0]: int(line.split()[1]) * 1024 for line in lines}
-    return Memory(round(USABLE * sizes["MemTotal"]), round(USABLE * sizes["MemAvailable"]))
-
-
-def fitting_groups(seeds: Sequence[int], footprint: Footprint, available: int | None) -> list[tuple[int, ...]]:
-    """Seeds in as few groups as fit one at a time, of nearly equal size; a seed that does not fit goes alone."""
-    most = len(seeds)
-    while available is not None and most > 1 and footprint.total(most) > available:
-        most -= 1
-    groups = -(-len(seeds) // most)
-    bounds = [len(seeds) * index // groups for index in range(groups + 1)]
-    return [tuple(seeds[first:last]) for first, last in pairwise(bounds)]
-
-
-def fitting_together(totals: Sequence[int], available: int | None, most: int) -> int:
-    """How many jobs may run at once: any that many of them fit; at least one."""
-    largest = sorted(totals, reverse=True)
-    count = 1
-    while count < min(most, len(largest)) and (available is None or sum(largest[: count + 1]) <= available):
-        count += 1
-    return count
-
-
 CPU = torch.device("cpu")
 PROBE_ROWS = 4096
 WORLDS = 16
-PROBE_SECONDS = 0.25
+PROBE_SECONDS = 0.05
 WARM_UP = 2
-RECORDING, RECORDED = "recording", 4
+RECORDED = 4
+"""Episodes of a scripted demonstrator in a probe; many at once take little longer."""
+DEMONSTRATION = 1.5
+"""A generated transition over a simulator's step: the demonstrator's own computation, found between 1.0 and 2.1."""
 CALLS_PER_BLOCK = 4
 
 
@@ -159,14 +54,14 @@ class Estimate:
 
 
 class Prober:
-    """Estimates cells, measuring every distinct (method, configuration, shapes) once."""
+    """Estimates cells and data, measuring every configuration of a method and every environment once."""
 
     def __init__(self, device: str) -> None:
         self._device = torch.device(device)
-        self._steps: dict[tuple[str, str, Shapes, int, int], dict[str, float]] = {}
-        self._simulators: dict[str, tuple[float, int, int]] = {}
-        self._generation: dict[tuple[str, str], float] = {}
-        self._seed_bytes: dict[tuple[str, str, str], int] = {}
+        self._steps: dict[tuple[str, str, int, int], tuple[Method, dict[str, float]]] = {}
+        self._simulator_steps: dict[str, float] = {}
+        self._recordings: dict[str, float] = {}
+        self._seed_bytes: dict[tuple[str, str, Shapes], int] = {}
 
     def estimate(self, cell: Cell, seeds: int, threads: int = 1) -> Estimate:
         """Training from measured updates of every stage; evaluation as if every episode ran to its horizon.
@@ -177,73 +72,67 @@ class Prober:
             threads: of one process on a CPU.
         """
         environment, protocol = cell.task.environment, cell.protocol
-        simulator_step, observation, action = self._simulator(cell)
-        shapes = Shapes(observation, action)
-        key = (cell.method.name, cell.config.model_dump_json(), shapes, seeds, threads)
+        key = (cell.method.name, cell.config.model_dump_json(), seeds, threads)
         if key not in self._steps:
             torch.set_num_threads(threads)
+            shapes = _shapes(environment)
             programs = _programs(cell, shapes, seeds, self._device)
-            self._steps[key] = {name: _seconds_per_call(update, self._device) for name, update, _ in programs}
-        sizes = Sizes(*cell.recipe.most_rows(environment.horizon))
-        method = cell.method(cell.config, shapes, [0], torch.device("cpu"))
+            seconds = {name: _seconds_per_call(update, self._device) for name, update, _ in programs}
+            # For its stages alone; those that were timed release their memory.
+            self._steps[key] = cell.method(cell.config, shapes, [0], CPU), seconds
+        method, seconds = self._steps[key]
         steps = protocol.steps_for(cell.task)
         training = sum(
-            self._steps[key][stage.name] * (steps if stage.steps is None else stage.steps)
-            for stage in method.stages(sizes)
+            seconds[stage.name] * (steps if stage.steps is None else stage.steps)
+            for stage in method.stages(Sizes(*cell.recipe.most_rows(environment.horizon)))
         )
         episodes = -(-steps // protocol.evaluation_every) * protocol.evaluation_episodes + protocol.further_episodes
-        simulated = episodes * environment.horizon * seeds
-        return Estimate(training, simulated * simulator_step)
+        return Estimate(training, episodes * environment.horizon * seeds * self._simulator_step(environment))
 
-    def _simulator(self, cell: Cell) -> tuple[float, int, int]:
-        """Seconds per simulator step, and the lengths of observation and action."""
-        environment = cell.task.environment
-        if environment.name not in self._simulators:
-            simulator = environment.make()
-            observation, _ = simulator.reset(seed=0)
-            box = environment.spaces.actions
-            action = box.in_units(np.zeros(len(box.low), np.float32))
-            seconds = _seconds_per_step(simulator, lambda _: action)
-            if (together := environment.make_many(WORLDS)) is not None:
-                seconds = _seconds_per_world(together, np.stack([action] * WORLDS))
-            self._simulators[environment.name] = (seconds, len(observation), len(action))
-        return self._simulators[environment.name]
-
-    def generation(self, environment: Environment, demonstrator: Demonstrator) -> float:
+    def generation(self, environment: Environment) -> float:
         """Seconds per transition that a demonstrator generates."""
-        key = (environment.name, demonstrator.fingerprint)
-        if key not in self._generation:
-            generator = np.random.default_rng(0)
-            self._generation[key] = _seconds_per_step(
-                environment.make(), lambda observation: demonstrator.act(observation, generator)
-            )
-        return self._generation[key]
+        return DEMONSTRATION * self._simulator_step(environment)
 
-    def recording(self, operator: Operator) -> float:
-        """Seconds that an operator takes to record a few episodes; many at once take little longer."""
-        key = (RECORDING, operator.fingerprint)
-        if key not in self._generation:
+    def recording(self, demonstrator: Operator) -> float:
+        """Seconds that a scripted demonstrator takes to record a few episodes; many at once take little longer."""
+        key = demonstrator.fingerprint
+        if key not in self._recordings:
             started = time.perf_counter()
-            operator.record(RECORDED, np.random.default_rng(0))
-            self._generation[key] = time.perf_counter() - started
-        return self._generation[key]
+            demonstrator.record(RECORDED, np.random.default_rng(0))
+            self._recordings[key] = time.perf_counter() - started
+        return self._recordings[key]
 
     def footprint(self, cell: Cell) -> Footprint:
         """Bytes of the cell's data and of one seed's training, from their shapes and one step on a CPU."""
-        _, observation, action = self._simulator(cell)
+        shapes, needs = _shapes(cell.task.environment), cell.needs
         rows = Sizes(*cell.recipe.most_rows(cell.task.environment.horizon))
-        needs = cell.needs
         fields = len(needs.offline) + len(needs.expert)
-        data = (rows.offline + rows.expert) * 4 * (observation + 1 + action + fields)
-        key = (cell.method.name, cell.config.model_dump_json(), cell.task.environment.name)
+        data = (rows.offline + rows.expert) * 4 * (shapes.observation + 1 + shapes.action + fields)
+        key = (cell.method.name, cell.config.model_dump_json(), shapes)
         if key not in self._seed_bytes:
             torch.set_num_threads(1)
-            programs = _programs(cell, Shapes(observation, action), 1, CPU)
             self._seed_bytes[key] = max(
                 sum(tensor.nbytes for tensor in live_tensors(method).values()) + peak_bytes(update)
-                for _, update, method in programs
+                for _, update, method in _programs(cell, shapes, 1, CPU)
             )
         return Footprint(fixed=data, per_seed=self._seed_bytes[key])
+
+    def _simulator_step(self, environment: Environment) -> float:
+        if environment.name not in self._simulator_steps:
+            box = environment.spaces.actions
+            action = box.in_units(np.zeros(len(box.low), np.float32))
+            together = environment.make_many(WORLDS)
+            self._simulator_steps[environment.name] = (
+                _seconds_per_step(environment.make(), action)
+                if together is None
+                else _seconds_per_world(together, np.stack([action] * WORLDS))
+            )
+        return self._simulator_steps[environment.name]
+
+
+def _shapes(environment: Environment) -> Shapes:
+    spaces = environment.spaces
+    return Shapes(spaces.observation, len(spaces.actions.low))
 
 
 def _programs(
@@ -284,15 +173,14 @@ def random_view(needs: DataNeeds, shapes: Shapes, device: torch.device, rows: in
     return View(table(rest), table(initial), table(needs.expert), shapes, ObservationTransform(zeros, zeros + 1, False))
 
 
-def _seconds_per_step(simulator: gymnasium.Env[Any, Any], act: Callable[[FloatArray], FloatArray]) -> float:
-    """Of acting in the simulator and stepping it, resets included; closes it."""
-    observation, _ = simulator.reset(seed=0)
+def _seconds_per_step(simulator: gymnasium.Env[Any, Any], action: FloatArray) -> float:
+    """Seconds of a simulator's step, resets included; closes it."""
+    simulator.reset(seed=0)
 
     def step() -> None:
-        nonlocal observation
-        observation, _, terminated, truncated, _ = simulator.step(act(np.asarray(observation, np.float32)))
+        _, _, terminated, truncated, _ = simulator.step(action)
         if terminated or truncated:
-            observation, _ = simulator.reset()
+            simulator.reset()
 
     try:
         return _seconds_per_call(step)
@@ -301,7 +189,7 @@ def _seconds_per_step(simulator: gymnasium.Env[Any, Any], act: Callable[[FloatAr
 
 
 def _seconds_per_world(simulator: gymnasium.vector.VectorEnv[Any, Any, Any], action: FloatArray) -> float:
-    """Of one world's step among `WORLDS` that step together; closes them."""
+    """Seconds of one world's step among `WORLDS` that step together; closes them."""
     try:
         simulator.reset(seed=0)
         return _seconds_per_call(lambda: simulator.step(action)) / WORLDS

@@ -1,4 +1,4 @@
-"""Carrying out an schedule: data is built, files are looked at, runs train; a stop saves and leaves the rest.
+"""Execution of a schedule: data is built, files are looked at, runs train; a stop saves and leaves the rest.
 
 Nothing is printed here: a `Watcher` sees all of it.
 """

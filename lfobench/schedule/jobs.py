@@ -1,4 +1,4 @@
-"""A request as a plan, what is left of it as jobs, and how long it will take on this machine."""
+"""The schedule: what is left of a plan, as jobs, and how long it will take on this machine."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def resolve(wanted: Request, tuned_in: Path | None = None) -> Plan:
 
 
 def make_schedule(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers: int, rerun: bool = False) -> Schedule:
-    """Hold a plan against the records and the dataset cache; writes nothing.
+    """The schedule of a plan, given the records and the dataset cache; writes nothing.
 
     With `rerun`, what is done is done again.
 
@@ -145,7 +145,7 @@ def make_schedule(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers
 
 @dataclass(frozen=True)
 class Forecast:
-    """How long an schedule will take on this machine.
+    """How long a schedule will take on this machine.
 
     Attributes:
         job_seconds: per job, were it alone on a core or device.
@@ -159,8 +159,9 @@ class Forecast:
     warnings: Sequence[Warning]
 
 
-def forecast(schedule: Schedule, prober: Prober) -> Forecast:
-    """Estimate every job from the probe; a method or simulator that fails in it is a warning."""
+def forecast(schedule: Schedule, prober: Prober | None = None) -> Forecast:
+    """Estimate every job from a short probe of this machine; a method or simulator that fails in it is a warning."""
+    prober = prober or Prober(schedule.plan.device)
     problems: dict[str, str] = {}
     measured: list[float | None] = []
     for job in schedule.jobs:
@@ -202,7 +203,7 @@ def forecast(schedule: Schedule, prober: Prober) -> Forecast:
 def _shard_seconds(plan: Plan, task: str, level: Level, prober: Prober) -> float:
     environment = next(each for each in plan.tasks if each.name == task).environment
     assert plan.suite.demonstrator is not None, "what cannot be generated has no shard job"
-    maker = plan.suite.demonstrator(environment.name, level)
-    if isinstance(maker, Operator):
-        return prober.recording(maker)
-    return SHARD_TRANSITIONS * prober.generation(environment, maker)
+    demonstrator = plan.suite.demonstrator(environment.name, level)
+    if isinstance(demonstrator, Operator):
+        return prober.recording(demonstrator)
+    return SHARD_TRANSITIONS * prober.generation(environment)

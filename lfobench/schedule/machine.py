@@ -1,4 +1,4 @@
-"""Fitting an schedule to the machine: how many jobs at once, with how many seeds, threads and evaluators each.
+"""The schedule fitted to the machine: jobs at once, and the seeds, threads and evaluators of each.
 
 By rules of counts and sizes, never of measured times: a plan that is asked for twice is the same plan.
 """
@@ -13,13 +13,14 @@ import torch
 
 from lfobench.cells.plan import Plan
 from lfobench.engine.job import Job
-from lfobench.engine.probe import Footprint, Memory, Prober, fitting_groups, fitting_together, memory_of
+from lfobench.engine.memory import Footprint, Memory, fitting_groups, fitting_together, memory_of
+from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
 from lfobench.files import cache_folder
 from lfobench.processes import available_cores
 from lfobench.record import Warning
 from lfobench.records.folder import RecordsRead
-from lfobench.schedule.jobs import Forecast, Schedule, forecast, make_schedule
+from lfobench.schedule.jobs import Schedule, make_schedule
 from lfobench.source_code import in_session
 
 # Jobs that share a CUDA device: one keeps it busy, the others load, record and wait.
@@ -30,10 +31,11 @@ PROCESS_BYTES = 400 * 2**20
 MOST_THREADS = 4
 
 
-def arranged(
-    plan: Plan, read: RecordsRead, out: Path, workers: int | None, rerun: bool = False
-) -> tuple[Schedule, Forecast]:
-    """What is left of a plan, arranged for this machine, and how long it will take; writes nothing.
+UNKNOWN = Memory(None, None)
+
+
+def arranged(plan: Plan, read: RecordsRead, out: Path, workers: int | None, rerun: bool = False) -> Schedule:
+    """The schedule of a plan on this machine by counts alone: at once, without measuring; writes nothing.
 
     Args:
         plan: everything asked for.
@@ -46,9 +48,17 @@ def arranged(
         UserError: for a run whose records contradict each other.
     """
     schedule = make_schedule(plan, read, out, cache_folder(), workers or available_cores(), rerun)
-    prober = Prober(plan.device)
-    schedule = packed(schedule, prober, memory_of(torch.device(plan.device)), available_cores(), workers)
-    return schedule, forecast(schedule, prober)
+    return packed(schedule, Prober(plan.device), UNKNOWN, available_cores(), workers)
+
+
+def within_memory(schedule: Schedule, workers: int | None) -> Schedule:
+    """The same schedule with as much at once as this machine's memory holds, by one measured step per job's shapes.
+
+    Raises:
+        UserError: for a simulator that cannot be made.
+    """
+    device = schedule.plan.device
+    return packed(schedule, Prober(device), memory_of(torch.device(device)), available_cores(), workers)
 
 
 def packed(schedule: Schedule, prober: Prober, memory: Memory, cores: int, workers: int | None) -> Schedule:
@@ -57,7 +67,7 @@ def packed(schedule: Schedule, prober: Prober, memory: Memory, cores: int, worke
     Args:
         schedule: what is left to do.
         prober: knows the sizes of jobs.
-        memory: of the device.
+        memory: of the device; where it is unknown, nothing is measured.
         cores: of the processor.
         workers: jobs at once that the user asked for; None leaves the number to us.
     """
@@ -68,7 +78,9 @@ def packed(schedule: Schedule, prober: Prober, memory: Memory, cores: int, worke
     # Threads of this process know what it knows; other processes do not.
     wanted = 1 if here_only and not on_cuda else workers or (LANES if on_cuda else cores)
     problems: dict[str, Warning] = {}
-    footprints = [_footprint(prober, job, on_cuda, problems) for job in schedule.jobs]
+    footprints = [Footprint(0, 0) for _ in schedule.jobs]
+    if memory != UNKNOWN:
+        footprints = [_footprint(prober, job, on_cuda, problems) for job in schedule.jobs]
     jobs: list[Job] = []
     totals: list[int] = []
     split = 0

@@ -1,4 +1,4 @@
-"""An schedule fitted to a machine: what runs at once, in which groups, with how many threads and evaluators."""
+"""A schedule fitted to a machine: what runs at once, in which groups, with how many threads and evaluators."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from helpers_engine import POLE_TASK, TINY, smoke_cell
 
 from lfobench.cells.cell import Cell
 from lfobench.cells.plan import Request, make_plan
-from lfobench.contract.suite import Demonstrator, Environment
+from lfobench.contract.suite import Environment
 from lfobench.engine.job import Job
-from lfobench.engine.probe import Estimate, Footprint, Memory, Prober
+from lfobench.engine.memory import Footprint, Memory
+from lfobench.engine.probe import Estimate, Prober
 from lfobench.errors import UserError
 from lfobench.records.folder import RecordsRead
 from lfobench.schedule.jobs import Schedule, forecast, make_schedule
@@ -40,7 +41,7 @@ class FakeProber:
             raise self.error
         return Estimate(float(seeds), 0.0)
 
-    def generation(self, environment: Environment, demonstrator: Demonstrator) -> float:
+    def generation(self, environment: Environment) -> float:
         return 0.0
 
 
