@@ -34,7 +34,7 @@ check: setup  ## Lint and types.
 	$(BIN)/mypy
 
 bench: setup  ## Speed: against the authors' loops, the machine's floor and the targets.
-	$(BIN)/lfobench bench
+	$(BIN)/python -m benchmarks
 
 fuzz: setup  ## Ten thousand damaged data files: none may crash a reader, or pass in another shape.
 	$(BIN)/python tests/data/readers/fuzzing.py 10000

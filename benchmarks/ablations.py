@@ -11,9 +11,8 @@ from unittest.mock import patch
 from torch import Tensor
 
 from benchmarks.pairs import Alternation, Contender, Spread
-from benchmarks.synthetic import SHAPES
 from benchmarks.training import Bench
-from benchmarks.workloads import WORKLOADS
+from benchmarks.workloads import SHAPES, WORKLOADS
 from lfobench.engine import batches as sampling
 from lfobench.nn import networks
 from lfobench.nn.perceptron import Parameters, composed

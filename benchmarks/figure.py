@@ -16,7 +16,7 @@ def draw(results: dict[str, Any], path: Path) -> None:
     """Every method's step over its matrix products alone: medians, whiskers from the least to the greatest ratio.
 
     Args:
-        results: a file of `lfobench bench`.
+        results: a file of `make bench`.
         path: where the picture goes; its ending chooses the format.
     """
     import matplotlib

@@ -1,4 +1,4 @@
-"""Everything that `lfobench bench` measures, section by section."""
+"""Everything that `make bench` measures, section by section."""
 
 from __future__ import annotations
 
@@ -12,11 +12,9 @@ from benchmarks import built_task, robot, views
 from benchmarks.ablations import compare_ablations
 from benchmarks.evaluation import compare_evaluation
 from benchmarks.hardware import describe
-from benchmarks.pairs import Contender, Spread
-from benchmarks.synthetic import SHAPES
-from benchmarks.targets import TARGETS, Finding
+from benchmarks.pairs import TARGETS, Contender, Finding, Spread
 from benchmarks.training import AUTHORS, ENGINE, SEEDS, Bench, Effort, StepComparison
-from benchmarks.workloads import WORKLOADS
+from benchmarks.workloads import SHAPES, WORKLOADS
 from lfobench.cells.cell import effective
 from lfobench.engine.program import has_bf16_units
 from lfobench.processes import keep_freed_memory

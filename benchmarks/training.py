@@ -8,11 +8,9 @@ from typing import Any
 
 import torch
 
-from benchmarks.floor import floor
-from benchmarks.flops import Account, flops
+from benchmarks.flops import Account, floor, flops
 from benchmarks.pairs import Alternation, Contender, Spread, alternate
-from benchmarks.synthetic import EXPERT_ROWS, OFFLINE_ROWS, SHAPES, Synthetic
-from benchmarks.workloads import WORKLOADS, Workload
+from benchmarks.workloads import EXPERT_ROWS, OFFLINE_ROWS, SHAPES, WORKLOADS, Synthetic, Workload
 
 AUTHORS, ENGINE, FLOOR = "authors", "engine", "floor"
 SEEDS = (1, 2, 4, 7, 14, 28)

@@ -10,12 +10,17 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
+from lfobench import shipped
+
 if TYPE_CHECKING:
     from lfobench.api import export, load, plot, report, run, table
 
 __all__ = ["__version__", "export", "load", "plot", "report", "run", "table"]
 
 __version__ = "0.1.0"
+
+# Entry points and pickles name `methods.…` and `suites.…`, and mean the packages that ship.
+shipped.put_first()
 
 # MKL's products may otherwise round differently with the memory alignment of their operands, and then a seed
 # trained beside others would not repeat the same seed trained alone. Read when the library loads, hence here.

@@ -34,7 +34,6 @@ from lfobench.source_code import code_of, edited_since, ships
 
 METHODS = "lfobench.methods"
 SUITES = "lfobench.suites"
-BENCHMARKS = "lfobench.benchmarks"
 
 NAME = r"[A-Za-z0-9_][A-Za-z0-9_+-]*"
 """Of a method: no comma, dot or colon, which mean something where methods are named."""
@@ -316,15 +315,6 @@ def load_suites(among: Collection[str] | None = None) -> Suites:
         except UserError as error:
             found.broken.append(Warning(what=error.problem, remedy=error.remedy))
     return found
-
-
-def load_benchmarks(name: str) -> Any:
-    """The module behind a set of benchmarks: it has `SECTIONS` and `measure`.
-
-    Raises:
-        UserError: for an unknown name, or a registration that cannot be imported.
-    """
-    return _load(_only(BENCHMARKS, "set of benchmarks", name))
 
 
 def _only(group: str, kind: str, name: str) -> EntryPoint:

@@ -37,13 +37,13 @@ import torch
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-import lfobench
 from lfobench.contract.method import Method
 from lfobench.errors import UserError
 from lfobench.python_files import PREFIX
+from lfobench.shipped import HOME, PACKAGES
 from lfobench.text import canonical_json, content_hash
 
-SHIPPED = frozenset({"lfobench", "methods", "suites", "benchmarks"})
+SHIPPED = frozenset({"lfobench", *PACKAGES})
 """Top-level packages of this distribution, which no method's folder stands in for."""
 
 SESSION = "<session>"
@@ -59,12 +59,10 @@ _GENERATED = frozenset(
 )
 """Functions that `dataclass` writes from the fields."""
 
-_HOME = Path(lfobench.__file__).resolve().parent.parent
-
 
 def ships(method: type[Method]) -> bool:
     """Whether a method is one of lfobench's own."""
-    return _top(method) == "methods" and (_file(method) or Path()).parent == _HOME / "methods"
+    return _top(method) == "methods" and (_file(method) or Path()).parent == HOME / "methods"
 
 
 def in_session(method: type[Method]) -> bool:

@@ -17,7 +17,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lfobench.contract.suite import Environment, Files, Level, Recipe, Suite, Task
-from suites import d4rl, minari
+from suites import sources as d4rl
+from suites import sources as minari
 from suites.hand import HORIZONS, identifier
 from suites.hand.levels import demonstrator
 

@@ -25,7 +25,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lfobench.contract.suite import DataFile, Environment, Files, Recipe, Settings, Suite, Task
-from suites import d4rl, minari
+from suites import sources as d4rl
+from suites import sources as minari
 from suites.franka import HORIZON, IDENTIFIER
 from suites.franka.constants import OBJECTS, ROBOT, Layout, Variant
 from suites.franka.demonstrator import load

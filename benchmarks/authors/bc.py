@@ -8,9 +8,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from benchmarks.authors.host import Batch, HostBuffer, HostData
-from benchmarks.authors.loop import HIDDEN, Loop
-from benchmarks.authors.tanh_gaussian import TanhGaussian
+from benchmarks.authors.loop import HIDDEN, Batch, HostBuffer, HostData, Loop, TanhGaussian
 from lfobench.contract.method import Shapes
 
 

@@ -12,8 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from benchmarks.authors.host import Batch, HostBuffer, HostData
-from benchmarks.authors.loop import HIDDEN, Loop, adam, perceptron
+from benchmarks.authors.loop import HIDDEN, Batch, HostBuffer, HostData, Loop, adam, perceptron
 from lfobench.contract.method import Shapes
 
 INVERSE_DYNAMICS_RATE, POLICY_RATE = 3e-4, 1e-4

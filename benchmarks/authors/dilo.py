@@ -9,8 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from benchmarks.authors.host import Batch, HostBuffer, HostData
-from benchmarks.authors.loop import HIDDEN, Loop, Twins, adam, follow, perceptron
+from benchmarks.authors.loop import HIDDEN, Batch, HostBuffer, HostData, Loop, Twins, adam, follow, perceptron
 from lfobench.contract.method import Shapes
 
 CONSERVATISM, MIXTURE, BACKWARD_WEIGHT, DISCOUNT = 0.8, 0.5, 0.5, 0.99

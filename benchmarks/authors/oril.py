@@ -9,9 +9,19 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from benchmarks.authors.discriminator import discriminator, reward
-from benchmarks.authors.host import Batch, HostBuffer, HostData
-from benchmarks.authors.loop import HIDDEN, Loop, Twins, adam, follow, perceptron
+from benchmarks.authors.loop import (
+    HIDDEN,
+    Batch,
+    HostBuffer,
+    HostData,
+    Loop,
+    Twins,
+    adam,
+    discriminator,
+    follow,
+    perceptron,
+    reward,
+)
 from lfobench.contract.method import Shapes
 
 DISCOUNT, LEARNING_RATE, TARGET_RATE = 0.99, 3e-4, 0.005

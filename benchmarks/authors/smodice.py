@@ -9,10 +9,20 @@ import numpy as np
 import torch
 from torch import nn
 
-from benchmarks.authors.discriminator import discriminator, reward
-from benchmarks.authors.host import Batch, HostBuffer, HostData
-from benchmarks.authors.loop import HIDDEN, Loop, adam, perceptron, xavier
-from benchmarks.authors.tanh_gaussian import LEARNING_RATE, TanhGaussian
+from benchmarks.authors.loop import (
+    HIDDEN,
+    LEARNING_RATE,
+    Batch,
+    HostBuffer,
+    HostData,
+    Loop,
+    TanhGaussian,
+    adam,
+    discriminator,
+    perceptron,
+    reward,
+    xavier,
+)
 from lfobench.contract.method import Shapes
 
 DISCOUNT, VALUE_WEIGHT_DECAY = 0.99, 1e-4

@@ -9,7 +9,6 @@ import typer
 
 from lfobench.cli import (
     audit,
-    bench,
     check,
     compare,
     data,
@@ -53,7 +52,6 @@ app.command(name="report")(report.report)
 app.command(name="compare")(compare.compare)
 app.command(name="audit")(audit.audit)
 app.command(name="plan")(plan_seeds.plan)
-app.command(name="bench")(bench.bench)
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -15,13 +15,87 @@ from mujoco import rollout
 from numpy.typing import NDArray
 
 from lfobench.contract.episodes import BoolArray, FloatArray
-from suites.robot import camera, model, outcomes, servo
-from suites.robot.camera import Camera
-from suites.robot.rest import Rest
-from suites.robot.sensing import Sensing
-from suites.robot.servo import SUBSTEPS
-from suites.robot.streams import stream
+from suites.robot import constants, model, outcomes, servo
+from suites.robot.servo import SUBSTEPS, Rest
 from suites.robot.tasks import Motion, RobotTask, puck_met
+
+Purpose = Literal["start", "bias", "noise", "dropout"]
+PURPOSES: tuple[Purpose, ...] = ("start", "bias", "noise", "dropout")
+
+
+def stream(seed: int, purpose: Purpose) -> np.random.Generator:
+    """A generator of its own for every purpose, so that drawing more of one thing changes no other."""
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence((seed, PURPOSES.index(purpose)))))
+
+
+SUBSTEPS_OF_LATENCY = round(constants.CAMERA_LATENCY * constants.PHYSICS_RATE / constants.CAMERA_RATE)
+"""Physics substeps between the picture and the reading."""
+
+
+def pictured(path: Array) -> Array:
+    """Where a thing is in the newest finished picture ``[n, 2]``, from its ``[n, SUBSTEPS, 2]`` at substeps' ends."""
+    return path[:, SUBSTEPS - 1 - SUBSTEPS_OF_LATENCY]
+
+
+class Camera:
+    """Readings of n worlds.
+
+    Args:
+        seeds: one per world.
+        readings: how many per world can differ; later ones repeat the last one's error.
+    """
+
+    def __init__(self, seeds: Sequence[int], readings: int) -> None:
+        bias = np.stack([stream(seed, "bias").standard_normal(2) for seed in seeds])
+        noise = np.stack([stream(seed, "noise").standard_normal((readings, 2)) for seed in seeds], axis=1)
+        self._error: Array = bias * constants.CAMERA_BIAS + noise * constants.CAMERA_NOISE
+        lost = np.stack([stream(seed, "dropout").random(readings) for seed in seeds], axis=1) < constants.CAMERA_DROPOUT
+        lost[0] = False
+        self._lost = lost[:, :, None]
+        self._next = 0
+        self._held: Array = np.zeros((len(seeds), 2))
+
+    def read(self, position: Array) -> Array:
+        """The next reading ``[n, 2]`` of things that are at ``[n, 2]`` in the picture."""
+        index = min(self._next, len(self._error) - 1)
+        self._held = np.where(self._lost[index], self._held, position + self._error[index])
+        self._next += 1
+        return self._held
+
+
+class Sensing:
+    """Observations of n worlds of a task.
+
+    Args:
+        task: decides what is seen.
+        eye: its camera, fresh.
+    """
+
+    def __init__(self, task: RobotTask, eye: Camera) -> None:
+        self._task = task
+        self._eye = eye
+        self._relative: Array | None = None
+
+    def observe(self, effector: Array, velocity: Array, pictured: Array | None) -> FloatArray:
+        """The next observations ``[n, obs]``.
+
+        Args:
+            effector: ``[n, 2]`` true positions now.
+            velocity: ``[n, 2]`` true velocities now.
+            pictured: ``[n, 2]`` true positions, one frame ago, of what the camera tracks; None where it tracks nothing.
+        """
+        seen = [effector] if pictured is None else [effector, self._eye.read(pictured)]
+        if self._task.puck == "none":
+            return seen[-1].astype(np.float32)
+        if self._task.puck == "resting":
+            return np.concatenate(seen, axis=1, dtype=np.float32)
+        newest = seen[1] - effector
+        if self._relative is None:
+            self._relative = np.tile(newest, int(constants.RELATIVE_POSITIONS))
+        else:
+            self._relative = np.concatenate((newest, self._relative[:, :-2]), axis=1)
+        return np.concatenate((effector, velocity, self._relative), axis=1, dtype=np.float32)
+
 
 Array = NDArray[np.float64]
 
@@ -186,7 +260,7 @@ class Simulation:
         observation = self._sensing.observe(
             self._state[:, 1:3],
             self._state[:, self._velocities],
-            None if newest is None else camera.pictured(newest),
+            None if newest is None else pictured(newest),
         )
         return self._result(observation, code)
 

@@ -24,8 +24,7 @@ from benchmarks.authors.loop import Loop
 from benchmarks.authors.oril import AuthorsOril
 from benchmarks.authors.smodice import AuthorsSmodice
 from benchmarks.flops import flops
-from benchmarks.synthetic import SHAPES, synthetic
-from benchmarks.workloads import WORKLOADS
+from benchmarks.workloads import SHAPES, WORKLOADS, synthetic
 from lfobench.contract.method import Batch, Shapes
 from lfobench.engine.state import live_tensors
 from methods.bc import Bc, BcConfig

@@ -10,10 +10,8 @@ import pytest
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks.engine_step import engine_step
 from benchmarks.flops import Pass, flops
-from benchmarks.synthetic import SHAPES, synthetic
-from benchmarks.workloads import WORKLOADS
+from benchmarks.workloads import SHAPES, WORKLOADS, engine_step, synthetic
 
 CPU = torch.device("cpu")
 BATCH = 64

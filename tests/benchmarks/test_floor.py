@@ -7,10 +7,8 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 from weights import counted
 
-from benchmarks.floor import floor
-from benchmarks.flops import Account, flops
-from benchmarks.synthetic import SHAPES
-from benchmarks.workloads import WORKLOADS
+from benchmarks.flops import Account, floor, flops
+from benchmarks.workloads import SHAPES, WORKLOADS
 
 CPU = torch.device("cpu")
 

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import flops
 from benchmarks.flops import Inventory, Pass, Product, products
-from benchmarks.synthetic import SHAPES
+from benchmarks.workloads import SHAPES
 from lfobench.contract.method import Shapes
 
 HIDDEN = (256, 256)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.synthetic import synthetic
-from benchmarks.workloads import WORKLOADS
+from benchmarks.workloads import WORKLOADS, synthetic
 from lfobench.contract.method import Shapes
 
 CPU = torch.device("cpu")

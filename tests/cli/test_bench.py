@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from helpers_cli import InProcess
 
-from benchmarks.pairs import Spread
+from benchmarks.pairs import TARGETS, Finding, Spread
 from benchmarks.speed import SECTIONS
-from benchmarks.targets import TARGETS, Finding
 
 
 @pytest.mark.slow

@@ -11,13 +11,12 @@ import typer
 
 from lfobench.errors import UserError
 from suites.demonstrators import WEIGHTS, load
-from suites.demonstrators.card import LIBRARIES, make_card, make_student_card, shortfall
-from suites.demonstrators.dagger import Settings, distil
-from suites.demonstrators.distil import main
-from suites.demonstrators.measure import Difference, measure
 from suites.demonstrators.policy import GaussianTanhPolicy, UniformPolicy
-from suites.demonstrators.teacher import read_teacher
 from suites.locomotion import ENVIRONMENTS
+from tools.distillation import LIBRARIES, Settings, distil, make_card, make_student_card, shortfall
+from tools.locomotion_distil import main
+from tools.locomotion_measure import Difference, measure
+from tools.teachers import read_teacher
 
 BODIES = {environment.name: environment for environment in ENVIRONMENTS}
 LEVELS = ("random", "medium", "expert")
@@ -231,7 +230,7 @@ class Hostile:
 
 def test_without_a_teacher_one_is_trained():
     pytest.importorskip("sb3_contrib")
-    from suites.demonstrators.scratch import train_teacher
+    from tools.locomotion_scratch import train_teacher
 
     teacher = train_teacher(BODIES["hopper"], steps=40, seed=0)
     assert "TQC" in teacher.provenance["source"]

@@ -8,7 +8,7 @@ from lfobench.contract.suite import Level
 from lfobench.errors import unknown_name
 
 if TYPE_CHECKING:
-    from suites.robot.operators.scripted import Scripted
+    from suites.robot.operators.recording import Scripted
 
 CORNER_SCATTER = 0.012
 """Metres, per axis, by which a person's starts from one corner differ (standard deviation); ours."""
@@ -19,11 +19,9 @@ SINGLE_HITS = 50
 
 def operators() -> dict[str, dict[Level, Scripted]]:
     """Environment name and level to the operator that records there."""
-    from suites.robot.operators.dodging import Dodging
-    from suites.robot.operators.hitting import Hitting
-    from suites.robot.operators.manipulation import SafeTeleoperation, Wandering
+    from suites.robot.operators.hitting import Dodging, Hitting
+    from suites.robot.operators.manipulation import HandTrack, SafeTeleoperation, Wandering
     from suites.robot.operators.striking import SingleStrike, VagueSwings
-    from suites.robot.operators.tracked import HandTrack
 
     return {
         "safe-manipulation": {

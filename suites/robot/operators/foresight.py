@@ -1,4 +1,4 @@
-"""Where a sliding puck will be, as somebody sees it who has watched many: the tilt pulls it, rails throw it back."""
+"""Ways round what stands on the table: corners about every obstacle, and the shortest path over those in sight."""
 
 from __future__ import annotations
 
@@ -7,8 +7,86 @@ from numpy.typing import NDArray
 
 from suites.robot import constants, tasks
 from suites.robot.model import TILT_ACCELERATION
-from suites.robot.operators.draws import Array, Integers
-from suites.robot.operators.journeys import PERIOD
+from suites.robot.operators.human_motion import PERIOD, Array, Draws, Integers
+from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW
+
+CORNERS = 12
+"""Points about an obstacle at which a path may bend."""
+BENDS = 7
+"""Points of a path after its start."""
+
+
+class Routes:
+    """Shortest paths to a goal over a visibility graph.
+
+    Args:
+        centers: ``[m, 2]`` of the obstacles.
+        distance: metres to be kept from them.
+        goal: ``[2]``.
+        low: ``[2]`` smallest x and y of a path's bends.
+        high: ``[2]`` largest.
+    """
+
+    def __init__(self, centers: Array, distance: float, goal: Array, low: Array, high: Array) -> None:
+        self._centers, self._distance = centers, distance
+        angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+        directions = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        # Far enough out for the straight line between two neighbours to keep the distance.
+        corners = (centers[:, None] + (distance / np.cos(np.pi / CORNERS) + 1e-6) * directions).reshape(-1, 2)
+        free = (_between(corners, centers) >= distance).all(-1) & ((corners > low) & (corners < high)).all(-1)
+        self.points = np.concatenate([corners[free], goal[None]])
+        self._outward = np.concatenate([np.tile(directions, (len(centers), 1))[free], np.zeros((1, 2))])
+        visible = self.visible(self.points[:, None], self.points[None])
+        self._to_go, self._next = _shortest(np.where(visible, _between(self.points, self.points), np.inf))
+
+    def visible(self, start: Array, end: Array) -> NDArray[np.bool_]:
+        """Whether straight lines between points of shapes that broadcast, ``[..., 2]``, keep their distance.
+
+        A line that starts too near an obstacle may leave it, and must not come nearer.
+        """
+        along = end - start
+        square = np.maximum((along * along).sum(-1), 1e-12)
+        offset = self._centers - start[..., None, :]
+        share = np.clip((offset * along[..., None, :]).sum(-1) / square[..., None], 0.0, 1.0)
+        nearest = np.linalg.norm(offset - share[..., None] * along[..., None, :], axis=-1)
+        allowed = np.minimum(self._distance, np.linalg.norm(offset, axis=-1))
+        clear: NDArray[np.bool_] = (nearest >= allowed - 1e-9).all(-1)
+        return clear
+
+    def plan(self, starts: Array, taste: Array, berth: Array) -> Array:
+        """Bends ``[n, BENDS, 2]`` of paths from `starts` ``[n, 2]``; a path that has reached the goal stays there.
+
+        Args:
+            starts: where the paths begin.
+            taste: ``[n, points]`` relative dislikes, which make one go a longer way round now and then.
+            berth: ``[n]`` metres by which the bends lie farther out than they must.
+        """
+        seen = self.visible(starts[:, None], self.points[None])
+        cost = np.where(seen, _between(starts, self.points) + self._to_go * (1.0 + taste), np.inf)
+        # Hemmed in on all sides, somebody goes straight for the goal.
+        node = np.where(np.isfinite(cost).any(-1), cost.argmin(-1), len(self.points) - 1)
+        bends = np.empty((len(starts), BENDS, 2))
+        for bend in range(BENDS):
+            bends[:, bend] = self.points[node] + berth[:, None] * self._outward[node]
+            node = self._next[node]
+        return bends
+
+
+def _between(first: Array, second: Array) -> Array:
+    """Distances ``[n, m]`` between points ``[n, 2]`` and ``[m, 2]``."""
+    distance: Array = np.linalg.norm(first[:, None] - second[None], axis=-1)
+    return distance
+
+
+def _shortest(steps: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Distance to the last point and the point that comes next, both ``[points]`` (Bellman 1958)."""
+    goal = len(steps) - 1
+    to_go = np.where(np.arange(len(steps)) == goal, 0.0, np.inf)
+    away = steps + np.diag(np.where(np.arange(len(steps)) == goal, 0.0, np.inf))
+    for _ in range(len(steps)):
+        to_go = (away + to_go).min(-1)
+    return to_go, (away + to_go).argmin(-1)
+
 
 SIDE = float(constants.TABLE_WIDTH) / 2 - tasks.PUCK_RADIUS
 NEAR, FAR = tasks.PUCK_RADIUS, float(constants.TABLE_LENGTH) - tasks.PUCK_RADIUS
@@ -80,3 +158,22 @@ def crossing(path: Array, line: Array) -> tuple[NDArray[np.int64], Array]:
     share = np.clip((before[:, 0] - line) / np.maximum(before[:, 0] - after[:, 0], 1e-9), 0.0, 1.0)
     place = before[:, 1] + share * (after[:, 1] - before[:, 1])
     return np.where(comes, index + 1, path.shape[1] + 1), place
+
+
+def around(draws: Draws, least: float, greatest: float, *shape: int) -> Array:
+    """``[n, *shape, 2]`` metres away in every direction, by distances between `least` and `greatest`."""
+    angle, distance = draws.uniform(0.0, 2.0 * np.pi, *shape), draws.uniform(least, greatest, *shape)
+    away: Array = distance[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return away
+
+
+def folded(places: Array) -> Array:
+    """Places ``[..., 2]`` beyond the workspace's edges, mirrored into it; clipping would pile them up there."""
+    inside: Array = WORKSPACE_HIGH - np.abs(WORKSPACE_HIGH - WORKSPACE_LOW - np.abs(places - WORKSPACE_LOW))
+    return inside
+
+
+def choose(clearance: Array, wanted: Array) -> Integers:
+    """``[n]``: of clearances ``[n, T]`` the first that is as wanted ``[n]``, or else the greatest."""
+    enough = clearance >= wanted[:, None]
+    return np.where(enough.any(-1), enough.argmax(-1), clearance.argmax(-1))

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lfobench.contract.episodes import Episodes, FloatArray
-from suites.robot import outcomes
-from suites.robot.operators.draws import Integers
+from lfobench.text import content_hash
+from suites.robot import constants, outcomes
+from suites.robot.operators.human_motion import PERIOD, Draws, Hand, Integers, Journey, Person
+from suites.robot.servo import clipped_action
+from suites.robot.simulation import Simulation
 
 Names = NDArray[np.object_]
 SUCCESS = outcomes.NAMES[outcomes.SUCCESS]
@@ -87,3 +91,61 @@ def _cut(steps: list[FloatArray], lengths: Integers) -> FloatArray:
     columns = np.stack(steps, axis=1)
     kept: FloatArray = columns[np.arange(columns.shape[1]) < lengths[:, None]]
     return kept
+
+
+VERSION = 1
+"""To be raised when something changes what is recorded that is neither a field nor a constant of the robot."""
+
+
+@dataclass(frozen=True)
+class Scripted(ABC):
+    """An operator whose fields decide what it records."""
+
+    @abstractmethod
+    def perform(self, episodes: int, generator: np.random.Generator) -> Take:
+        """Record that many episodes, and know how the rules would have judged them.
+
+        Every episode has random numbers of its own, so a longer recording begins with the shorter one.
+        """
+
+    @property
+    def fingerprint(self) -> str:
+        """A hash of the kind of operator, its fields and every constant of the simulated robot."""
+        return content_hash(
+            {
+                "version": VERSION,
+                "operator": type(self).__name__,
+                "fields": asdict(self),
+                "constants": {name: _plain(value) for name, value in vars(constants).items() if name.isupper()},
+            }
+        )
+
+    def record(self, episodes: int, generator: np.random.Generator) -> Episodes:
+        """That many episodes."""
+        return self.perform(episodes, generator).episodes
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if isinstance(value, float) else [_plain(each) for each in value]
+
+
+def drag(simulation: Simulation, first: FloatArray, person: Person, way: Journey, draws: Draws, limit: int) -> Take:
+    """Record a journey that was decided before it began.
+
+    Args:
+        simulation: just reset, with rules that end nothing.
+        first: ``[n, obs]`` its first observations.
+        person: whose hand is on the mouse.
+        way: what that person means to do.
+        draws: the tremor's.
+        limit: steps after which a recording is cut at the latest.
+    """
+    lengths = way.steps(limit)
+    hand = Hand(person, simulation.effector, draws, limit, PERIOD)
+    recording = Recording(first)
+    for step in range(int(lengths.max())):
+        mouse = hand.follow(way.intention.at((step + 1) * PERIOD))
+        action = clipped_action(mouse - simulation.effector)
+        result = simulation.step(action)
+        recording.add(action, result.observation, result.outcome)
+    return recording.stopped(lengths)

@@ -7,13 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from suites.robot import constants, tasks
-from suites.robot.operators.draws import Array, Draws
-from suites.robot.operators.hand import MOUSE, QUICK_HAND, Person
-from suites.robot.operators.journeys import Pace, journey
-from suites.robot.operators.mouse import drag
-from suites.robot.operators.places import around, choose, folded
-from suites.robot.operators.recording import Take
-from suites.robot.operators.scripted import Scripted
+from suites.robot.operators.foresight import around, choose, folded
+from suites.robot.operators.human_motion import MOUSE, QUICK_HAND, Array, Draws, Pace, Person, journey
+from suites.robot.operators.recording import Scripted, Take, drag
 from suites.robot.simulation import Simulation
 from suites.robot.tasks import PuckStriking
 

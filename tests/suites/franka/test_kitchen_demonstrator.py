@@ -14,10 +14,10 @@ from lfobench.cells.parts import specification
 from lfobench.contract.episodes import FloatArray
 from lfobench.data.build import roll_out
 from lfobench.errors import UserError
-from suites.franka import planning
 from suites.franka.constants import SUB_TASKS
 from suites.franka.demonstrator import FILE, SIGNS, ScriptedDemonstrator, load
 from suites.kitchen import SUITE, WITHOUT_GOAL
+from tools import kitchen_plan as planning
 
 MIXED = SUITE.tasks[1]
 DONE = {

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from lfobench.errors import UserError
 from suites.hand import HORIZONS, identifier, rewards
-from suites.hand.replay import open_loop, recorded, step_by_step
+from tools.adroit_measure import open_loop, recorded, step_by_step
 
 EXTERNAL = Path(__file__).resolve().parents[4] / "shared" / "data"
 outside = pytest.mark.skipif(not EXTERNAL.is_dir(), reason="the external files are not beside this repository")
@@ -187,7 +187,7 @@ def test_rewards_are_those_of_the_files() -> None:
 
 @outside
 def test_human_demonstrations_open_the_door_as_they_did() -> None:
-    """Four of 25; `suites.hand.measure` plays all."""
+    """Four of 25; `tools.adroit_measure` plays all."""
     file, some = EXTERNAL / "door-human-dapg.hdf5", range(8, 12)
     played, told = open_loop(file, some), recorded("door", file)
     np.testing.assert_allclose(played.returns, told.returns[8:12], rtol=0.05)

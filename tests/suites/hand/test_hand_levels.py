@@ -16,14 +16,11 @@ from lfobench.contract.episodes import FloatArray
 from lfobench.contract.suite import Demonstrator
 from lfobench.errors import UserError
 from suites.adroit import ENVIRONMENTS
-from suites.demonstrators.card import shortfall
 from suites.demonstrators.policy import GaussianTanhPolicy
-from suites.hand.clone import CloneSettings, clone
-from suites.hand.distil import main
-from suites.hand.halves import Halves
-from suites.hand.levels import LEVELS, MANNERS, WEIGHTS, demonstrator, policy
-from suites.hand.replay import Played, act_out
-from suites.hand.scripted import Scripted
+from suites.hand.levels import LEVELS, MANNERS, WEIGHTS, Halves, Scripted, demonstrator, policy
+from tools.adroit_distil import CloneSettings, clone, main
+from tools.adroit_measure import Played, act_out
+from tools.distillation import shortfall
 
 SHAPES = {"pen": (45, 24), "door": (39, 28), "hammer": (46, 26)}
 DOOR = next(environment for environment in ENVIRONMENTS if environment.name == "door")

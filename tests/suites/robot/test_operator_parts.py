@@ -9,12 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from suites.robot import constants, tasks
-from suites.robot.operators.draws import Draws
-from suites.robot.operators.foresight import Eyes, crossing, glide
-from suites.robot.operators.hand import MOUSE, Hand, Intention, bulge, minimum_jerk
-from suites.robot.operators.journeys import PERIOD
-from suites.robot.operators.places import choose, folded
-from suites.robot.operators.routes import BENDS, Routes
+from suites.robot.operators.foresight import BENDS, Eyes, Routes, choose, crossing, folded, glide
+from suites.robot.operators.human_motion import MOUSE, PERIOD, Draws, Hand, Intention, bulge, minimum_jerk
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW
 from suites.robot.simulation import Simulation
 

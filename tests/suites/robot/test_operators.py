@@ -15,11 +15,12 @@ from lfobench.contract.suite import Operator
 from lfobench.errors import UserError
 from lfobench.stats.successes import wilson_interval
 from suites.robot import constants, tasks
-from suites.robot.operators import demonstrator, measure, operators
+from suites.robot.operators import demonstrator, operators
 from suites.robot.operators.hitting import Hitting
 from suites.robot.operators.manipulation import SafeTeleoperation
 from suites.robot.operators.recording import SUCCESS, Take
 from suites.robot.simulation import Simulation
+from tools import airhockey_measure as measure
 
 Array = NDArray[np.float64]
 

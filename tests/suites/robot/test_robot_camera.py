@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suites.robot import camera, constants
-from suites.robot.camera import Camera
+from suites.robot import constants
 from suites.robot.servo import SUBSTEPS
-from suites.robot.simulation import Simulation
+from suites.robot.simulation import Camera, Simulation, pictured
 from suites.robot.tasks import DynamicHitting, PuckStriking, SafeManipulation
 
 WORLDS, READINGS = 300, 100
@@ -49,7 +48,7 @@ def test_the_picture_is_one_frame_old() -> None:
     time = np.arange(1, SUBSTEPS + 1) / float(constants.PHYSICS_RATE)
     path = np.stack([time, -time], axis=1)[None]
     end = 1 / float(constants.CONTROL_RATE) - 1 / float(constants.CAMERA_RATE)
-    np.testing.assert_allclose(camera.pictured(path), [[end, -end]])
+    np.testing.assert_allclose(pictured(path), [[end, -end]])
 
 
 def test_a_moving_puck_is_seen_where_it_was() -> None:

@@ -1,17 +1,23 @@
-"""``lfobench bench``: measure the engine against the authors' loops, and the machine's own limits."""
+"""``python -m benchmarks``: the engine measured against the authors' loops, and against the machine's own limits."""
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import torch
 import typer
+from rich.table import Table
 
+from benchmarks import speed
+from lfobench.cells.names import split_names
+from lfobench.cells.plan import choose_device
 from lfobench.cli import options
 from lfobench.cli.console import errors, output, print_json
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from lfobench.errors import UserError, unknown_name
+from lfobench.files import writable_folder, write_text
 
 STYLES = {"aim": "green", "must": "green", "missed": "bold red", "unmeasured": "dim"}
 
@@ -35,19 +41,9 @@ def bench(
 ) -> None:
     """Time the engine, in alternation with plain reference loops, and hold it to its targets.
 
-    Example: lfobench bench --only steps,evaluation
+    Example: python -m benchmarks --only steps,evaluation
     """
-    import json
 
-    import torch
-
-    from lfobench.cells.names import split_names
-    from lfobench.cells.plan import choose_device
-    from lfobench.errors import unknown_name
-    from lfobench.files import writable_folder, write_text
-    from lfobench.registry import load_benchmarks
-
-    speed = load_benchmarks("speed")
     sections = list(speed.SECTIONS) if only is None else split_names(only)
     for name in sections:
         if name not in speed.SECTIONS:
@@ -70,8 +66,6 @@ def bench(
 
 
 def _table(findings: list[Any], raw: dict[str, Any]) -> Table:
-    from rich.table import Table
-
     title = f"{raw['hardware']['name']}, {raw['hardware']['cores']} cores" + (" - quick, no figures" * raw["quick"])
     table = Table("measure", "must", "aim", "measured: median (min to max)", "", title=title, title_style="bold")
     for finding in findings:
@@ -111,3 +105,11 @@ def _print_details(raw: dict[str, Any]) -> None:
     if cell := raw.get("cell"):
         parts = ", ".join(f"{part} {seconds:.2f} s" for part, seconds in cell["seconds"].items())
         output.print(f"one cell ({cell['protocol']}, {cell['steps']} steps, {cell['seeds']} seeds): {parts}")
+
+
+if __name__ == "__main__":
+    try:
+        typer.run(bench)
+    except UserError as error:
+        errors.print(f"Error: {error}", soft_wrap=True, markup=False)
+        sys.exit(2)

@@ -1,7 +1,4 @@
-"""The data files of D4RL that the seed paper's recipes read, and the form that each has (``datasets.md``).
-
-One host serves them, over plain HTTP and without checksums: ``lfobench data download`` records the hash on first use.
-"""
+"""Files that the suites' tasks can be read from: D4RL's, in the form that each has, and Minari's, by identifier."""
 
 from __future__ import annotations
 
@@ -31,3 +28,8 @@ def adroit(environment: str, level: str) -> DataFile:
 def kitchen(level: str) -> DataFile:
     """``partial`` to ``kitchen-partial-v0``."""
     return DataFile(f"kitchen-{level}-v0", (f"{HOST}/kitchen/{_KITCHEN[level]}.hdf5",))
+
+
+def dataset(identifier: str, columns: int | None = None) -> DataFile:
+    """``mujoco/hopper/medium-v0``."""
+    return DataFile(identifier.replace("/", "-"), (f"minari:{identifier}",), columns=columns)

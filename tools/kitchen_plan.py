@@ -1,6 +1,6 @@
 """Plans the demonstrator's paths by inverse kinematics, once: its standard output is the file that holds them.
 
-``python -m suites.franka.planning > suites/franka/paths.safetensors``
+``python -m tools.kitchen_plan > suites/franka/paths.safetensors``
 
 Every sub-task has two paths: `do`, from a hub in front of the cupboards to beyond the sub-task's completion, and
 `back`, from there to the hub. ``start`` leads from the episode's first position to the hub.
@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 from safetensors.numpy import save
 
-from suites.franka.arm import Arm, Vector
 from suites.franka.constants import JOINTS
+from suites.franka.demonstrator import Arm, Vector
 
 START = np.array([0.148, -1.768, 1.844, -2.477, 0.26, 0.713, 1.595, 0.04, 0.037])
 HUB = np.array([-0.59, -1.34, 1.58, -2.37, 0.6, 1.14, 1.2, 0.04, 0.04])

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from lfobench.contract.suite import Environment
 from lfobench.errors import UserError
-from suites.demonstrators.teacher import Array, Teacher
+from tools.teachers import Array, Teacher
 
 
 def train_teacher(environment: Environment, steps: int, seed: int) -> Teacher:

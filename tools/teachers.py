@@ -109,7 +109,7 @@ def read_teacher(path: Path) -> Teacher:
     Raises:
         UserError: the file cannot be read, holds Python objects, or is not a policy in the layout above.
     """
-    remedy = "A teacher is an .npz of plain arrays; suites/demonstrators/teacher.py describes the layout."
+    remedy = "A teacher is an .npz of plain arrays; tools/teachers.py describes the layout."
     try:
         content = path.read_bytes()
         arrays = _read_arrays(content)

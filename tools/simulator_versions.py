@@ -2,7 +2,7 @@
 
 D4RL's files are evaluated on ``-v4``, generated data and Minari's on ``-v5``. The same policies from the same seeds::
 
-    python -m suites.demonstrators.versions --episodes 20
+    python -m tools.simulator_versions --episodes 20
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 from lfobench.contract.suite import Environment
 from suites.demonstrators import load
-from suites.demonstrators.measure import Array, Difference, returns_and_lengths
 from suites.locomotion import ENVIRONMENTS, on_version_4
+from tools.locomotion_measure import Array, Difference, returns_and_lengths
 
 
 def scores_on(environment: Environment, level: str, episodes: int) -> Array:

@@ -1,30 +1,68 @@
-"""Make one policy: ``python -m suites.hand.distil --environment pen --policy expert --teacher TEACHER.npz``.
+"""Make one policy: ``python -m tools.adroit_distil --environment pen --policy expert --teacher TEACHER.npz``.
 
-An expert is distilled from a teacher (``suites.demonstrators.distil`` says how). A clone (``--policy clone``) needs
+An expert is distilled from a teacher (``tools.locomotion_distil`` says how). A clone (``--policy clone``) needs
 none: it is fitted to the scripted demonstrations that the tasks ``…-human-expert`` are generated from, all of them.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import torch
 import typer
 from rich.console import Console
 
 from lfobench.cells.parts import specification
 from lfobench.contract.episodes import Episodes, concatenate
-from lfobench.contract.suite import Task
+from lfobench.contract.suite import FloatArray, Task
 from lfobench.data.build import roll_out
 from lfobench.errors import UserError, unknown_name
 from suites.adroit import GENERATED, SUITE
-from suites.demonstrators.card import LIBRARIES, make_card, make_student_card, shortfall
-from suites.demonstrators.dagger import Settings, distil
-from suites.demonstrators.distil import write_policy
-from suites.demonstrators.teacher import read_teacher
-from suites.hand.clone import CloneSettings, clone
 from suites.hand.levels import WEIGHTS, demonstrator
+from tools.distillation import LIBRARIES, Settings, Student, distil, make_card, make_student_card, shortfall
+from tools.locomotion_distil import write_policy
+from tools.teachers import read_teacher
+
+
+@dataclass(frozen=True)
+class CloneSettings:
+    """How a clone is made; every field is on its card.
+
+    Attributes:
+        seed: decides the weights together with the library versions.
+        steps: gradient steps.
+        batch: rows per step.
+        rate: first learning rate.
+        hidden: widths of the hidden layers.
+        recorded_std: of a recorded action about what was meant; the clone's own is never much less.
+    """
+
+    seed: int = 0
+    steps: int = 3_000
+    batch: int = 256
+    rate: float = 1e-3
+    hidden: tuple[int, ...] = (128, 128)
+    recorded_std: float = 0.05
+
+
+def clone(observations: FloatArray, actions: FloatArray, settings: CloneSettings) -> bytes:
+    """The ``.safetensors`` bytes of a policy fitted to rows ``[N, obs]``, ``[N, act]``; same settings, same bytes.
+
+    A student whose teacher is a Gaussian about every recorded action: the maximum of the actions' likelihood, but for
+    the floor under its std.
+    """
+    torch.set_num_threads(1)
+    torch.manual_seed(settings.seed)
+    student = Student(observations, actions.shape[1], settings.hidden, squash=False)
+    means = torch.from_numpy(actions)
+    log_stds = torch.full_like(means, math.log(settings.recorded_std))
+    student.fit([torch.from_numpy(observations), means, log_stds], settings.steps, settings.batch, settings.rate)
+    return student.content()
+
 
 SCRIPTED = {task.environment.name: task for task in SUITE.tasks if task.name.endswith("-human-expert")}
 """Environment to its task of scripted demonstrations."""
@@ -39,7 +77,7 @@ def make_expert(task: Task, teacher: Path, settings: Settings, console: Console)
     environment, source = task.environment, read_teacher(teacher)
     weights = distil(environment, source, settings, console.print)
     command = (
-        f"python -m suites.hand.distil --environment {environment.name} --policy expert --teacher TEACHER.npz "
+        f"python -m tools.adroit_distil --environment {environment.name} --policy expert --teacher TEACHER.npz "
         f"--seed {settings.seed} --rounds {settings.rounds}"
     )
     card = make_student_card(environment, "expert", weights, source, settings, command, _libraries(task))
@@ -52,7 +90,7 @@ def make_clone(task: Task, settings: CloneSettings) -> tuple[bytes, Any]:
     """Weights and card of a clone of a task's scripted demonstrations."""
     name, rows = task.environment.name, demonstrations(task)
     weights = clone(rows.observations[rows.observation_of_transition], rows.actions, settings)
-    command = f"python -m suites.hand.distil --environment {name} --policy clone --seed {settings.seed}"
+    command = f"python -m tools.adroit_distil --environment {name} --policy clone --seed {settings.seed}"
     method = "behaviour cloning of the scripted demonstrations to a Gaussian tanh MLP"
     fitted_to = {
         "part": specification(SUITE, task, GENERATED["human"]).identity,

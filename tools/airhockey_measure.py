@@ -1,4 +1,4 @@
-"""How often every operator succeeds, and how it fails: ``python -m suites.robot.operators.measure``."""
+"""How often every operator succeeds, and how it fails: ``python -m tools.airhockey_measure``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the scripted demonstrator's data are: ``python -m suites.franka.measure``."""
+"""What the scripted demonstrator's data are: ``python -m tools.kitchen_measure``."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from suites.demonstrators.measure import returns_and_lengths, standard_error
 from suites.franka.demonstrator import load
 from suites.kitchen import SUITE
+from tools.locomotion_measure import returns_and_lengths, standard_error
 
 
 def levels(episodes: int) -> Iterator[str]:

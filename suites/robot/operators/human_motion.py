@@ -10,7 +10,38 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from suites.robot.operators.draws import Array, Draws
+from suites.robot import constants
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Draws:
+    """Draws for episodes that are recorded in lock step.
+
+    Args:
+        generator: decides the episodes' seeds; the first episodes of a longer recording are those of a shorter one.
+        episodes: how many, n.
+    """
+
+    def __init__(self, generator: np.random.Generator, episodes: int) -> None:
+        self.episodes = episodes
+        self.seeds: Integers = generator.integers(2**31, size=episodes)
+        self._generators = [np.random.Generator(np.random.Philox(int(seed))) for seed in self.seeds]
+
+    def uniform(self, low: float, high: float, *shape: int) -> Array:
+        """``[n, *shape]``, uniform between `low` and `high`."""
+        drawn: Array = low + (high - low) * np.stack([each.random(shape) for each in self._generators])
+        return drawn
+
+    def normal(self, scale: float, *shape: int) -> Array:
+        """``[n, *shape]``, Gaussian with standard deviation `scale`."""
+        drawn: Array = scale * np.stack([each.standard_normal(shape) for each in self._generators])
+        return drawn
+
+    def happens(self, probability: float, *shape: int) -> NDArray[np.bool_]:
+        """``[n, *shape]``, each True with `probability`."""
+        return self.uniform(0.0, 1.0, *shape) < probability
 
 
 @dataclass(frozen=True)
@@ -185,3 +216,79 @@ class Hand:
         self._tremor = self._keep * self._tremor + self._shocks[:, self._step]
         self._step += 1
         return self._position + self._tremor
+
+
+PERIOD = 1.0 / float(constants.CONTROL_RATE)
+"""Seconds per control step."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How somebody strings strokes together; times in seconds, every number ours.
+
+    Attributes:
+        reaction: shortest and longest wait before the first stroke.
+        haste: smallest and largest factor on the durations of an episode.
+        blend: share of a stroke that the next one overlaps.
+        look: shortest and longest look at the result before a correction.
+        hesitation: probability of a pause after a stroke.
+        pause: shortest and longest pause.
+        rest: shortest and longest rest at the end.
+        enough: metres from a point at which nobody corrects any more.
+    """
+
+    reaction: tuple[float, float] = (0.1, 0.3)
+    haste: tuple[float, float] = (0.8, 1.3)
+    blend: float = 0.45
+    look: tuple[float, float] = (0.08, 0.2)
+    hesitation: float = 0.1
+    pause: tuple[float, float] = (0.15, 0.5)
+    rest: tuple[float, float] = (1.0, 1.8)
+    enough: float = 0.008
+
+
+@dataclass(frozen=True)
+class Journey:
+    """What n people mean to do.
+
+    Attributes:
+        intention: where their hands mean to be.
+        end: ``[n]`` seconds after which they let go, rest included.
+    """
+
+    intention: Intention
+    end: Array
+
+    def steps(self, most: int) -> Integers:
+        """``[n]`` control steps, between 1 and `most`."""
+        steps: Integers = np.clip(np.ceil(self.end / PERIOD), 1, most).astype(np.int64)
+        return steps
+
+
+def journey(person: Person, pace: Pace, draws: Draws, start: Array, points: Array) -> Journey:
+    """Strokes over `points` ``[n, L, 2]`` from `start` ``[n, 2]``.
+
+    A stroke aims at its point from where the one before it leads, errors included; so a point that comes twice is
+    corrected the second time.
+    """
+    legs = points.shape[1]
+    intention = Intention(start, legs)
+    error = 1.0 + person.overshoot + draws.normal(person.spread, legs)
+    sideways, bow = draws.normal(person.spread, legs), draws.normal(person.bow, legs)
+    factor = np.exp(draws.normal(person.variation, legs)) * draws.uniform(*pace.haste)[:, None]
+    look, pause = draws.uniform(*pace.look, legs), draws.uniform(*pace.pause, legs)
+    pause *= draws.happens(pace.hesitation, legs)
+    time = draws.uniform(*pace.reaction)
+    done = time
+    for leg in range(legs):
+        way = points[:, leg] - intention.end
+        distance = np.linalg.norm(way, axis=-1)
+        goes = distance > pace.enough
+        duration = factor[:, leg] * person.stroke_duration(distance)
+        stroke = error[:, leg, None] * way + sideways[:, leg, None] * to_the_left(way)
+        intention.begin(goes, time, duration, stroke, bow[:, leg])
+        done = np.where(goes, time + duration, done)
+        arrives = (points[:, leg] == points[:, min(leg + 1, legs - 1)]).all(-1) | (pause[:, leg] > 0.0)
+        following = time + np.where(arrives, duration + look[:, leg] + pause[:, leg], (1.0 - pace.blend) * duration)
+        time = np.where(goes, following, time)
+    return Journey(intention, done + draws.uniform(*pace.rest))

@@ -1,4 +1,4 @@
-"""Make one demonstrator: ``python -m suites.demonstrators.distil --environment ant --level expert …``.
+"""Make one demonstrator: ``python -m tools.locomotion_distil --environment ant --level expert …``.
 
 The teacher is any policy in the layout of ``teacher.py``, or with ``--from-scratch STEPS`` one trained here.
 Weights that miss their level (``card.shortfall``) are not written.
@@ -16,10 +16,9 @@ from rich.console import Console
 from lfobench.contract.suite import Environment
 from lfobench.errors import UserError, unknown_name
 from suites.demonstrators import WEIGHTS
-from suites.demonstrators.card import make_student_card, shortfall
-from suites.demonstrators.dagger import Settings, distil
-from suites.demonstrators.scratch import train_teacher
-from suites.demonstrators.teacher import Teacher, read_teacher
+from tools.distillation import Settings, distil, make_student_card, shortfall
+from tools.locomotion_scratch import train_teacher
+from tools.teachers import Teacher, read_teacher
 
 
 def _environment(name: str) -> Environment:
@@ -60,7 +59,7 @@ def main(
         weights = distil(body, source, settings, console.print)
         origin = f"--from-scratch {from_scratch}" if teacher is None else "--teacher TEACHER.npz"
         command = (
-            f"python -m suites.demonstrators.distil --environment {environment} --level {level} {origin} "
+            f"python -m tools.locomotion_distil --environment {environment} --level {level} {origin} "
             f"--seed {seed} --exploration {exploration} --rounds {rounds} --width {width}"
         )
         card = make_student_card(body, level, weights, source, settings, command)
