@@ -107,9 +107,14 @@ def _print_details(raw: dict[str, Any]) -> None:
         output.print(f"one cell ({cell['protocol']}, {cell['steps']} steps, {cell['seeds']} seeds): {parts}")
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """A user's mistake is one line and exit code 2."""
     try:
         typer.run(bench)
     except UserError as error:
         errors.print(f"Error: {error}", soft_wrap=True, markup=False)
         sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

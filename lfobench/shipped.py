@@ -27,10 +27,14 @@ class _ShippedFirst(MetaPathFinder):
     ) -> ModuleSpec | None:
         if fullname not in PACKAGES or not (HOME / fullname / "__init__.py").is_file():
             return None
-        ours = HOME / fullname
-        others = (Path(entry or ".").resolve() / fullname for entry in sys.path)
-        folders = dict.fromkeys([str(ours), *(str(folder) for folder in others if folder.is_dir())])
-        return spec_from_file_location(fullname, ours / "__init__.py", submodule_search_locations=list(folders))
+        start = HOME / fullname / "__init__.py"
+        return spec_from_file_location(fullname, start, submodule_search_locations=_folders(fullname))
+
+
+def _folders(name: str) -> list[str]:
+    """The package's own folder, then those of its name on Python's path."""
+    others = (Path(entry or ".").resolve() / name for entry in sys.path)
+    return list(dict.fromkeys(str(folder) for folder in (HOME / name, *others) if folder.is_dir()))
 
 
 def put_first() -> None:
@@ -38,6 +42,5 @@ def put_first() -> None:
     if not any(isinstance(finder, _ShippedFirst) for finder in sys.meta_path):
         sys.meta_path.insert(0, _ShippedFirst())
     for name in PACKAGES:
-        ours, module = str(HOME / name), sys.modules.get(name)
-        if module is not None and ours not in (folders := list(getattr(module, "__path__", []))):
-            module.__path__ = [ours, *folders]
+        if (module := sys.modules.get(name)) is not None:
+            module.__path__ = list(dict.fromkeys([*_folders(name), *getattr(module, "__path__", [])]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,7 +29,13 @@ class Outcome:
 class InProcess:
     """``main()`` with the given arguments; anything but an exit is a traceback to the user and fails the test."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def __init__(
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+        main: Callable[[], None] = lfobench.cli.main,
+    ) -> None:
+        self._main = main
         self._monkeypatch = monkeypatch
         self._capsys = capsys
 
@@ -37,7 +43,7 @@ class InProcess:
         self._monkeypatch.setattr(sys, "argv", ["lfobench", *map(str, arguments)])
         self._capsys.readouterr()
         with pytest.raises(SystemExit) as ended:
-            lfobench.cli.main()
+            self._main()
         captured = self._capsys.readouterr()
         code = ended.value.code
         return Outcome(code if isinstance(code, int) else int(code is not None), captured.out, captured.err)

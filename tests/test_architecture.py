@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # In the order in which data flows; every package may import itself.
 MAY_IMPORT: dict[str, set[str]] = {
+    "shipped": set(),
     "errors": set(),
     "text": set(),
     "processes": set(),
@@ -22,7 +24,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "contract": {"errors", "text", "randomness"},
     "nn": {"contract", "randomness"},
     "python_files": {"errors"},
-    "source_code": {"contract", "errors", "python_files", "text"},
+    "source_code": {"shipped", "contract", "errors", "python_files", "text"},
     "registry": {"contract", "errors", "python_files", "record", "source_code"},
     "score": {"errors"},
     "record": {"errors", "score", "text"},
@@ -178,7 +180,6 @@ def test_methods_know_the_contract_and_nothing_else() -> None:
     assert violations == []
 
 
-DISTILLATION = "distil.py"
 FILES_AND_PRINTING = {
     "builtins",
     "csv",
@@ -207,11 +208,9 @@ def test_methods_touch_no_file_and_no_simulator() -> None:
 
 
 def test_suites_are_data() -> None:
-    """A suite file declares; what reads weights lies beside it, and only the distillation script talks to a user."""
+    """A suite file declares; what reads weights and simulates lies below, and tools are elsewhere."""
     violations = []
     for path in sources("suites"):
-        if path.name == DISTILLATION:
-            continue
         forbidden = {"rich", "typer", "methods"}
         if path.parent == ROOT / "suites":
             forbidden |= FILES_AND_PRINTING
@@ -225,15 +224,12 @@ def test_suites_are_data() -> None:
 
 
 WRITERS = {"write_bytes", "write_text", "save_file", "mkdir", "unlink", "rename", "replace_file"}
-TOOLS = {DISTILLATION, "card.py", "measure.py", "dagger.py", "scratch.py", "student.py", "teacher.py"}
 
 
-def test_suites_write_no_files_but_in_their_tools() -> None:
+def test_suites_write_no_files() -> None:
     """What a run imports (the suite, `load`, the policies) reads weights and writes nothing."""
     violations = []
     for path in sources("suites"):
-        if path.name in TOOLS:
-            continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call):
                 called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
@@ -246,3 +242,17 @@ def test_suites_write_no_files_but_in_their_tools() -> None:
 def test_every_module_says_what_it_is_for(package: str) -> None:
     silent = [str(path) for path in sources(package) if not ast.get_docstring(ast.parse(path.read_text("utf-8")))]
     assert silent == []
+
+
+def test_the_wheel_holds_the_product_alone() -> None:
+    """Neither tools nor benchmarks are needed by anything that ships."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == ["lfobench", "methods", "suites"]
+    violations = [
+        place(path, line, name)
+        for package in ("lfobench", "methods", "suites")
+        for path in sources(package)
+        for line, name in imported(path)
+        if name.split(".")[0] in ("tools", "benchmarks", "tests")
+    ]
+    assert violations == []

@@ -1,4 +1,4 @@
-"""`lfobench bench`: what it prints and writes, and what it refuses. No figure is asserted."""
+"""`python -m benchmarks`: what it prints and writes, and what it refuses. No figure is asserted."""
 
 from __future__ import annotations
 
@@ -8,13 +8,19 @@ from pathlib import Path
 import pytest
 from helpers_cli import InProcess
 
+import benchmarks.__main__
 from benchmarks.pairs import TARGETS, Finding, Spread
 from benchmarks.speed import SECTIONS
 
 
+@pytest.fixture
+def bench_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> InProcess:
+    return InProcess(monkeypatch, capsys, benchmarks.__main__.main)
+
+
 @pytest.mark.slow
-def test_quick_measures_every_target_or_says_why_not(lfobench_command: InProcess, tmp_path: Path) -> None:
-    outcome = lfobench_command("bench", "--quick", "--device", "cpu", "--json", "--out", tmp_path / "bench")
+def test_quick_measures_every_target_or_says_why_not(bench_command: InProcess, tmp_path: Path) -> None:
+    outcome = bench_command("--quick", "--device", "cpu", "--json", "--out", tmp_path / "bench")
     assert outcome.code == 0
     raw = json.loads(outcome.out)
     assert [target["measure"] for target in raw["targets"]] == [target.measure for target in TARGETS.values()]
@@ -38,12 +44,12 @@ def test_quick_measures_every_target_or_says_why_not(lfobench_command: InProcess
 
 
 def test_one_section_is_kept_in_a_file_of_the_machine(
-    lfobench_command: InProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bench_command: InProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("benchmarks.speed.Speed.rounds", 1)
     monkeypatch.setattr("benchmarks.built_task.SHARD_TRANSITIONS", 1000)
     monkeypatch.setattr("lfobench.cells.parts.PartSpecification.shards_for", lambda part, transitions: 3)
-    outcome = lfobench_command("bench", "--only", "loading", "--device", "cpu", "--out", tmp_path)
+    outcome = bench_command("--only", "loading", "--device", "cpu", "--out", tmp_path)
     assert outcome.code == 0, outcome.err
     (path,) = tmp_path.glob("*.json")
     raw = json.loads(path.read_text())
@@ -59,8 +65,8 @@ def test_one_section_is_kept_in_a_file_of_the_machine(
         (["--device", "tpu"], "Unknown device 'tpu'."),
     ],
 )
-def test_refusals(arguments: list[str], message: str, lfobench_command: InProcess) -> None:
-    outcome = lfobench_command("bench", *arguments)
+def test_refusals(arguments: list[str], message: str, bench_command: InProcess) -> None:
+    outcome = bench_command(*arguments)
     assert outcome.code == 2
     assert message in " ".join(outcome.err.split())
 
