@@ -1,16 +1,33 @@
 """DILO: a dual approach to imitation learning from observations with offline datasets (CoRL 2024).
 
-A value V(s, s') of consecutive observations solves the dual of matching the expert's visitation of (s', s'')
-while staying on the offline data; the policy is then a regression on offline actions weighted by V.
+A value ``V(s, s')`` of consecutive observations solves the dual of matching the expert's visitation of ``(s', s'')``
+while staying on the offline data; the policy is then a regression on the offline actions, weighted by V. With triples
+``(s, s', s'')`` of expert data E and offline data O, ``d = 1`` where ``s'`` is terminal, and Vbar a target network:
 
-Paper against released code (methods.md 4.1), chosen by preset:
+    e(s, s', s'') = gamma (1 - d) Vbar(s', s'') - V(s, s')                      forward residual
+    b(s, s', s'') = gamma (1 - d) V(s', s'') - Vbar(s, s')                      backward residual
+
+    D(e)  = beta E_E[phi(e)] + (1 - beta) E_O[phi(e) - e]                       dual term
+    phi(y) = y w - (w - 1)^2,  w = max(0, y / 2 + 1)                            conjugate of Pearson chi^2 for w >= 0
+
+    paper:     L = beta (1 - gamma) E_O[V(s, s')] + D(e) + eta D(b)
+    released:  L = (1 - lambda) E_O[V(s, s')] + lambda D(e) + eta lambda D(b)
+
+The gradient of the last term loses its part along the gradient of the one before it. The policy then minimises
+
+    E_O[ min(exp(tau V(s, s')), limit) * regression loss of pi(s) on a ]
+
+``tau`` is the paper's temperature: it multiplies V, so a larger one sharpens the weights. Papers of this field also
+write tau for the rate of a target network; that rate is ``target_rate`` here.
+
+Paper against released code, chosen by preset:
 
 =================  =================================  ==========================================
 topic              ``paper``                          ``released``
 =================  =================================  ==========================================
 temperature tau    3                                  0.06
-linear term        ``beta (1 - gamma) E[V]``, dual    ``(1 - lambda) mean V``, dual terms times
-                   terms unscaled                     lambda = 0.8
+objective          linear term ``beta (1 - gamma)``,  linear term ``1 - lambda``, dual terms times
+                   dual terms unscaled                lambda = 0.8
 policy             Gaussian log-likelihood, lr 3e-4   squared error of a deterministic policy,
                                                       lr 1e-4, cosine over 1e6 steps
 =================  =================================  ==========================================
@@ -23,7 +40,7 @@ observation of the next episode. ``absorbing`` is the sound alternative.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import torch
 from pydantic import Field
@@ -41,12 +58,13 @@ from lfobench.contract.method import (
     Termination,
     Widths,
 )
+from lfobench.contract.method import Field as BatchField
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import DeterministicPolicy, GaussianPolicy
 from lfobench.randomness import StepRandomness
 
-# 12k steps of batch 256, what a CPU has time for. V has to climb towards 200 in them (methods.md 3.1, scale analysis),
-# hence the larger rates; what they reach is in results/reference.
+# 12k steps of batch 256, what a CPU has time for. With gamma = 0.99 the fixed point of V on expert pairs lies near 200,
+# which the released rates do not reach in them; results/reference holds what these rates reach.
 QUICK = {
     "batch_size": 256,
     "value_learning_rate": 2e-3,
@@ -87,9 +105,17 @@ class DiloConfig(MethodConfig):
 
 
 def conjugate(y: Tensor) -> Tensor:
-    """``phi(y) = y w - (w - 1)^2``, ``w = max(0, y/2 + 1)``: Pearson chi^2 under w >= 0 (methods.md 3.1)."""
+    """``phi(y) = y w - (w - 1)^2``, ``w = max(0, y/2 + 1)``: conjugate of Pearson chi^2 under w >= 0 (DILO, eq. 11)."""
     weight = torch.clamp(y / 2.0 + 1.0, min=0.0)
     return y * weight - (weight - 1.0).square()
+
+
+class Residuals(NamedTuple):
+    """``V(s, s')`` and the residuals of a batch, ``[S, H, B]`` each."""
+
+    value: Tensor
+    forward: Tensor
+    backward: Tensor
 
 
 class Dilo(Method):
@@ -153,23 +179,16 @@ class Dilo(Method):
         return metrics
 
     def update_value(self, offline: Batch, expert: Batch) -> Metrics:
-        """Adam step on ``grad L_0 + g_f + (g_b - kappa g_f)``."""
-        rows = offline["observation"].shape[1]
-        target = self._target_values(offline, expert)
-        # Three graphs, because each loss term touches different passes: a joint graph would multiply zeros.
-        value_offline = self.value(_pair(offline, "observation", "next_observation")).squeeze(-1)
-        value_expert = self.value(_pair(expert, "observation", "next_observation")).squeeze(-1)
-        successors = [_pair(batch, "next_observation", "second_next_observation") for batch in (offline, expert)]
-        value_next = self.value(torch.cat(successors, dim=1)).squeeze(-1)
-
-        discount = self.config.discount * (1.0 - torch.cat((offline["terminated"], expert["terminated"]), dim=1))
-        forward_target = discount * target[:, 2 * rows :]
-        forward = forward_target[:, None] - torch.cat((value_offline, value_expert), dim=-1)
-        backward = discount[:, None] * value_next - target[:, None, : 2 * rows]
-
-        linear_loss = self.linear_loss(value_offline)
-        forward_loss = self.dual_loss(forward[..., :rows], forward[..., rows:])
-        backward_loss = self.config.backward_weight * self.dual_loss(backward[..., :rows], backward[..., rows:])
+        """Adam step on the three terms of the objective."""
+        # One pass over both batches: its gradient is then one product, and a step three graphs.
+        successors = torch.cat(
+            [_pair(each, "next_observation", "second_next_observation") for each in (offline, expert)], 1
+        )
+        next_offline, next_expert = self.value(successors).squeeze(-1).chunk(2, dim=-1)
+        of_offline, of_expert = self.residuals(offline, next_offline), self.residuals(expert, next_expert)
+        linear_loss = self.linear_loss(of_offline.value)
+        forward_loss = self.dual_loss(of_offline.forward, of_expert.forward)
+        backward_loss = self.config.backward_weight * self.dual_loss(of_offline.backward, of_expert.backward)
         gradient = self.orthogonal_sum(
             self.value.gradient(linear_loss, retain_graph=True),
             self.value.gradient(forward_loss),
@@ -177,41 +196,40 @@ class Dilo(Method):
         )
         self.value_optimizer.step(gradient)
         return {
-            "value_offline": value_offline.detach().mean((1, 2)),
-            "value_expert": value_expert.detach().mean((1, 2)),
+            "value_offline": of_offline.value.detach().mean((1, 2)),
+            "value_expert": of_expert.value.detach().mean((1, 2)),
             "forward_loss": forward_loss.detach(),
             "backward_loss": backward_loss.detach(),
         }
 
-    def _target_values(self, offline: Batch, expert: Batch) -> Tensor:
-        """Minimum over target twins at offline (s, s'), expert (s, s'), offline (s', s''), expert (s', s'')."""
-        pairs = [
-            _pair(batch, first, second)
-            for first, second in (
-                ("observation", "next_observation"),
-                ("next_observation", "second_next_observation"),
-            )
-            for batch in (offline, expert)
-        ]
+    def residuals(self, batch: Batch, next_value: Tensor) -> Residuals:
+        """Values ``V(s, s')`` and both residuals of a batch, given ``V(s', s'')``; ``[S, H, B]`` each."""
+        value = self.value(_pair(batch, "observation", "next_observation")).squeeze(-1)
+        target = self.target_value(batch, "observation", "next_observation")
+        next_target = self.target_value(batch, "next_observation", "second_next_observation")
+        discount = (self.config.discount * (1.0 - batch["terminated"]))[:, None]
+        return Residuals(value, forward=discount * next_target - value, backward=discount * next_value - target)
+
+    def target_value(self, batch: Batch, first: BatchField, second: BatchField) -> Tensor:
+        """Minimum over the target twins, ``[S, 1, B]``; no gradient."""
         with torch.no_grad():
-            return self.target(torch.cat(pairs, dim=1)).squeeze(-1).amin(1)
+            return self.target(_pair(batch, first, second)).squeeze(-1).amin(1, keepdim=True)
 
-    def dual_loss(self, offline_residual: Tensor, expert_residual: Tensor) -> Tensor:
-        """``mean[beta phi(e^E) + (1 - beta)(phi(e^O) - e^O)]`` over rows and heads, times lambda; ``[S]``.
+    def dual_loss(self, offline: Tensor, expert: Tensor) -> Tensor:
+        """``lambda (beta E_E[phi(e)] + (1 - beta) E_O[phi(e) - e])`` over rows and heads, ``[S]``; no lambda if None.
 
-        L_f and, before the weight eta, L_b of methods.md 3.1.
+        DILO, eq. 12, for either residual ``[S, H, B]``.
         """
-        beta, scale = self.config.mixture, self.config.conservatism
-        offline = conjugate(offline_residual) - offline_residual
-        loss = (beta * conjugate(expert_residual) + (1.0 - beta) * offline).mean((1, 2))
-        return loss if scale is None else scale * loss
+        beta, lambda_ = self.config.mixture, self.config.conservatism
+        loss = (beta * conjugate(expert) + (1.0 - beta) * (conjugate(offline) - offline)).mean((1, 2))
+        return loss if lambda_ is None else lambda_ * loss
 
-    def linear_loss(self, value_offline: Tensor) -> Tensor:
-        """``(1 - lambda) mean V`` as released, or the paper's ``beta (1 - gamma) mean V`` without lambda."""
-        config = self.config
-        if config.conservatism is None:
-            return config.mixture * (1.0 - config.discount) * value_offline.mean((1, 2))
-        return (1.0 - config.conservatism) * value_offline.mean((1, 2))
+    def linear_loss(self, value: Tensor) -> Tensor:
+        """``(1 - lambda) E_O[V]`` as released, or the paper's ``beta (1 - gamma) E_O[V]`` without lambda; ``[S]``."""
+        beta, gamma, lambda_ = self.config.mixture, self.config.discount, self.config.conservatism
+        if lambda_ is None:
+            return beta * (1.0 - gamma) * value.mean((1, 2))
+        return (1.0 - lambda_) * value.mean((1, 2))
 
     def orthogonal_sum(self, linear: Tensor, forward: Tensor, backward: Tensor) -> Tensor:
         """``g_0 + g_f + g_b - kappa g_f``: the backward gradient loses its part along the forward one.
@@ -240,6 +258,6 @@ class Dilo(Method):
             return self.policy.act(observation)
 
 
-def _pair(batch: Batch, first: Any, second: Any) -> Tensor:
+def _pair(batch: Batch, first: BatchField, second: BatchField) -> Tensor:
     """``[S, B, 2 obs]``, the input of V."""
     return torch.cat((batch[first], batch[second]), dim=-1)
