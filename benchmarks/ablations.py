@@ -57,15 +57,13 @@ class Ablation:
 def _without_hand_written_passes() -> Iterator[None]:
     """Every pass by torch's own operations and its autograd."""
 
-    class Composed:
-        @staticmethod
-        def apply(leaf: Tensor, parameters: Parameters, inputs: Tensor) -> Tensor:
-            return composed(parameters.layout, leaf, inputs)
+    def autograd(parameters: Parameters, inputs: Tensor) -> Tensor:
+        return composed(parameters.layout, parameters.leaf, inputs)
 
     def plain(parameters: Parameters, inputs: Tensor) -> Tensor:
         return composed(parameters.layout, parameters.flat, inputs)
 
-    with patch.object(networks, "Pass", Composed), patch.object(networks, "evaluated", plain):
+    with patch.object(networks, "differentiable", autograd), patch.object(networks, "evaluated", plain):
         yield
 
 

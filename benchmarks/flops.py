@@ -1,4 +1,4 @@
-"""The matrix products of one step of each method, counted from its formulas (methods.md 8).
+"""The matrix products of one step of each method, counted from its formulas.
 
 A multiplication and its addition are two operations (FLOP). Only products count: activations, losses, optimisers and
 target updates are linear in what a product is quadratic in.

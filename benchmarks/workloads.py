@@ -33,7 +33,7 @@ OFFLINE_ROWS = 1_200_000
 EXPERT_ROWS = 999
 TRANSITIONS_PER_START = 1000
 
-# Observation and action lengths of the seed paper's tasks (methods.md 2.5 and 8).
+# Observation and action lengths of the seed paper's tasks.
 SHAPES = {
     "hopper": Shapes(11, 3),
     "halfcheetah": Shapes(17, 6),

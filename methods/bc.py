@@ -1,4 +1,4 @@
-"""BC on the full offline data, as SMODICE's authors run it (methods.md 3.5).
+"""BC on the full offline data, as SMODICE's authors run it.
 
 What ships as "BC" is an entropy-constrained likelihood (``released``); ``paper`` is the plain likelihood with the
 seed paper's batch of 1024. ``--set bc.loss=squared`` clones with DILO's deterministic policy and squared error,
@@ -8,11 +8,10 @@ for a like-for-like comparison with DILO and BCO.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import torch
 from pydantic import Field
-from torch import Tensor
 
 from lfobench.contract.method import (
     Batch,
@@ -27,6 +26,9 @@ from lfobench.contract.method import (
 )
 from lfobench.nn.policies import DeterministicPolicy, TanhGaussianPolicy
 from lfobench.randomness import StepRandomness
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 # 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3}

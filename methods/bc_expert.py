@@ -1,6 +1,6 @@
 """BC on the one expert trajectory with its actions: the reference that imitation from observation lacks.
 
-No code is public; the learner is `bc`'s on the demonstration's rows only (methods.md 3.5). Observations are
+No code is public; the learner is `bc`'s on the demonstration's rows only. Observations are
 standardised with the offline data's statistics, as for `bc`.
 """
 

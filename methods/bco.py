@@ -1,7 +1,7 @@
 """BCO: behavioural cloning from observation (Torabi, Warnell, Stone, IJCAI 2018), offline.
 
 An inverse dynamics model learns ``(s, s') -> a`` from offline data, labels the expert's pairs, and the labelled
-pairs are cloned. No code of the seed paper's line releases it; sizes and rates are methods.md 3.8's choices, so
+pairs are cloned. No code of the seed paper's line releases it; sizes and rates are choices of ours, so
 both presets are the same. Where 3.8 picks the epochs {1, 5, 10} by validation error, they are fixed here at 5.
 Offline pairs use the true successor of every step, and the demonstration is the first expert episode (``exact``).
 """
@@ -9,11 +9,10 @@ Offline pairs use the true successor of every step, and the demonstration is the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import torch
 from pydantic import Field
-from torch import Tensor
 
 from lfobench.contract.method import (
     Batch,
@@ -29,6 +28,9 @@ from lfobench.contract.method import (
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import DeterministicPolicy, squared_error
 from lfobench.randomness import StepRandomness
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 INVERSE_DYNAMICS = "inverse dynamics"
 

@@ -40,11 +40,10 @@ observation of the next episode. ``absorbing`` is the sound alternative.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import torch
 from pydantic import Field
-from torch import Tensor
 
 from lfobench.contract.method import (
     Batch,
@@ -62,6 +61,9 @@ from lfobench.contract.method import Field as BatchField
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import DeterministicPolicy, GaussianPolicy
 from lfobench.randomness import StepRandomness
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 # 12k steps of batch 256, what a CPU has time for. With gamma = 0.99 the fixed point of V on expert pairs lies near 200,
 # which the released rates do not reach in them; results/reference holds what these rates reach.

@@ -1,4 +1,4 @@
-"""ORIL as SMODICE's authors run it: a discriminator reward and TD3+BC (methods.md 3.3).
+"""ORIL as SMODICE's authors run it: a discriminator reward and TD3+BC.
 
 The original ORIL learns its reward by positive-unlabelled classification; every published number of the seed
 paper's line comes from this simpler form. The presets differ as SMODICE's do: the discriminator's frozen first
@@ -8,11 +8,10 @@ layer and the batch size.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import torch
 from pydantic import Field
-from torch import Tensor
 
 from lfobench.contract.method import (
     Batch,
@@ -24,10 +23,13 @@ from lfobench.contract.method import (
     Stage,
     Widths,
 )
+from lfobench.nn import discriminator
+from lfobench.nn.discriminator import Discriminator, DiscriminatorConfig
 from lfobench.nn.networks import Adam, Network
 from lfobench.randomness import StepRandomness
-from methods import discriminator
-from methods.discriminator import Discriminator, DiscriminatorConfig
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 # 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3, "target_rate": 0.02, "discriminator_passes": 250}

@@ -3,7 +3,7 @@
 A discriminator of states gives the reward; a value V(s) solves the dual of matching the expert's state
 occupancy; the policy is weighted likelihood on offline actions.
 
-Paper against released code (methods.md 4.2), chosen by preset: the released optimiser of the discriminator
+Paper against released code, chosen by preset: the released optimiser of the discriminator
 leaves its first layer at the random initial values (kept in ``released``, mended in ``paper``), and the batch is
 512 where the seed paper states 1024 for every method.
 
@@ -17,11 +17,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import torch
 from pydantic import Field
-from torch import Tensor
 
 from lfobench.contract.method import (
     Batch,
@@ -33,11 +32,14 @@ from lfobench.contract.method import (
     Stage,
     Widths,
 )
+from lfobench.nn import discriminator
+from lfobench.nn.discriminator import Discriminator, DiscriminatorConfig
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import TanhGaussianPolicy
 from lfobench.randomness import StepRandomness
-from methods import discriminator
-from methods.discriminator import Discriminator, DiscriminatorConfig
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 # 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3, "discriminator_passes": 250}

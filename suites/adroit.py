@@ -1,7 +1,7 @@
-"""Adroit: pen, door and hammer, as in the seed paper's Table 1 (methods.md 2.5).
+"""Adroit: pen, door and hammer, as in the seed paper's Table 1.
 
 {cloned, human} offline data, each with K = 30 expert trajectories.
-Returns are those of D4RL's ``-v0`` environments, normalised with its references (methods.md 5.1).
+Returns are those of D4RL's ``-v0`` environments, normalised with its references.
 
 The paper's table writes a horizon of 100 for all three. D4RL's is 200 for door and hammer, and so is that of the
 authors' code: `SUITE` has it, `PAPER` the table's, where generated and evaluated episodes, the demonstration and a

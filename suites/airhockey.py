@@ -1,4 +1,4 @@
-"""Air hockey: the seed paper's robot tasks on a simulated table (methods.md, section 7).
+"""Air hockey: the seed paper's robot tasks on a simulated table.
 
 Ten tasks: safe manipulation by teleoperation and across embodiments, each with {15 trajectories, 15 from one corner,
 300 transitions}; puck striking with 20 and with 10 expert trajectories; dynamic hitting with 400, scored as touch and

@@ -1,15 +1,15 @@
-"""Franka kitchen: the two tasks of the seed paper's Table 1 (methods.md 2.5), offline data partial and mixed.
+"""Franka kitchen: the two tasks of the seed paper's Table 1, offline data partial and mixed.
 
 A return counts the scored sub-tasks that an episode completes, from 0 to 4, so the normalised score is their share in
 per cent. The paper's code and its text differ in K, the expert trajectories that join the offline data: `SUITE` takes 1
 as the code does, whatever it is told, and `PAPER` 30. D4RL's and Minari's files of complete demonstrations may hold
 fewer than 30; then all of them join.
 
-SMODICE's and ORIL's authors have a recipe of their own here (methods.md 2.6): the chi^2 divergence, no absorbing state
+SMODICE's and ORIL's authors have a recipe of their own here: the chi^2 divergence, no absorbing state
 and no expert trajectory in the offline data. So these two have it in `SUITE` and `WITHOUT_GOAL`; in `PAPER`, every
 method learns from one mix. Their demonstration is one whole trajectory; here it is the task's, as for every method.
 
-The kitchen goal-vector trap (methods.md 2.5): in D4RL's files the expert of ``mixed`` carries another goal than the
+The kitchen goal-vector trap: in D4RL's files the expert of ``mixed`` carries another goal than the
 offline data, and so can be told by it. `SUITE` keeps the goal, as everyone did; `WITHOUT_GOAL` is the same with
 observations that end before it. Minari's have none. Generated data are made in the task's own environment, so that both
 parts carry one goal, and leaving it out hides nothing.

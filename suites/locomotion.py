@@ -1,13 +1,13 @@
-"""Locomotion: hopper, halfcheetah, walker2d and ant, as in the seed paper's Table 1 (methods.md 2.5).
+"""Locomotion: hopper, halfcheetah, walker2d and ant, as in the seed paper's Table 1.
 
 {random, medium} x {expert: K = 200 trajectories, few-expert: K = 30}, one million offline transitions each.
-Returns are those of Gymnasium's ``-v5`` environments, normalised with D4RL's references (methods.md 5.1).
+Returns are those of Gymnasium's ``-v5`` environments, normalised with D4RL's references.
 Ant is the 27-dimensional form: D4RL's other 84 columns are zero.
 
-For walker2d, SMODICE's and ReCOIL's code mixes in 100 expert trajectories where the paper and DILO's have 200
-(methods.md 2.4): `SUITE` has 200, `SMODICE` 100.
+For walker2d, SMODICE's and ReCOIL's code mixes in 100 expert trajectories where the paper and DILO's have 200:
+`SUITE` has 200, `SMODICE` 100.
 
-D4RL's files were made on ``-v2``, to which ``-v4`` is the closest that still runs (``dependencies.md`` 2.2); Minari's
+D4RL's files were made on ``-v2``, to which ``-v4`` is the closest that still runs; Minari's
 ``mujoco/*`` datasets are other data, made on ``-v5``, and have nothing random.
 """
 

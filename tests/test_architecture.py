@@ -1,4 +1,4 @@
-"""The house: which room may import which (design.md). Read from the source, imports inside functions included."""
+"""The house: which room may import which. Read from the source, imports inside functions included."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Methods and suites by name, by entry point and by path (decision 9)."""
+"""Methods and suites by name, by entry point and by path."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""BC as SMODICE's script ships it: entropy-constrained likelihood on the whole mix (methods.md 3.5)."""
+"""BC as SMODICE's script ships it: entropy-constrained likelihood on the whole mix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""BCO (methods.md 3.8). No author's code is public: these are 3.8's choices, written as the others' loops are.
+"""BCO. No author's code is public: these are 3.8's choices, written as the others' loops are.
 
 The demonstration is labelled once, between the two stages, as the formulas read: nothing in a cloning step needs the
 inverse dynamics model.

@@ -1,4 +1,4 @@
-"""DILO's loop (methods.md 3.1 and 8): twenty critic passes, eleven copies to the device and twenty waits for it."""
+"""DILO's loop: twenty critic passes, eleven copies to the device and twenty waits for it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CONSERVATISM, MIXTURE, BACKWARD_WEIGHT, DISCOUNT = 0.8, 0.5, 0.5, 0.99
 TAU, WEIGHT_LIMIT, TARGET_RATE, SQUARE_FLOOR = 0.06, 100.0, 0.005, 1e-10
 VALUE_RATE, POLICY_RATE, COSINE_STEPS = 3e-4, 1e-4, 1_000_000
 
-# Eleven copies: methods.md gives their number. Five fields of either part make ten; the eleventh is taken to be the
+# Eleven copies, as counted in the released code. Five fields of either part make ten; the eleventh is taken to be the
 # offline reward, which the loss ignores.
 EXPERT_FIELDS = ("observation", "action", "next_observation", "second_next_observation", "terminated")
 OFFLINE_FIELDS = (*EXPERT_FIELDS, "reward")
@@ -71,7 +71,7 @@ class AuthorsDilo(Loop):
             )
         value_offline, value_offline_next = self.value.both(*_now(offline)), self.value.both(*_next(offline))
         value_expert, value_expert_next = self.value.both(*_now(expert)), self.value.both(*_next(expert))
-        # The same pass once more: nothing uses it, and methods.md 8 counts it.
+        # The same pass once more: nothing uses it, and the released code makes it.
         self.value.both(*_next(expert))
         discount_offline = DISCOUNT * (1.0 - offline["terminated"])
         discount_expert = DISCOUNT * (1.0 - expert["terminated"])

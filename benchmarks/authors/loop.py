@@ -37,7 +37,7 @@ class HostData:
 
 
 class HostBuffer:
-    """Uniform draws with replacement (methods.md 2.7).
+    """Uniform draws with replacement.
 
     Args:
         columns: per field ``[N, ...]``.
@@ -95,7 +95,7 @@ def perceptron(
 
 
 def xavier(module: nn.Module) -> None:
-    """Xavier-uniform weights and zero biases in every linear layer (methods.md 3.2)."""
+    """Xavier-uniform weights and zero biases in every linear layer."""
     for layer in module.modules():
         if isinstance(layer, nn.Linear):
             nn.init.xavier_uniform_(layer.weight)

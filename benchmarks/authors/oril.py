@@ -1,4 +1,4 @@
-"""ORIL's main stage as SMODICE's authors run it, the discriminator frozen (methods.md 3.3)."""
+"""ORIL's main stage as SMODICE's authors run it, the discriminator frozen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SMODICE's main stage, the discriminator frozen (methods.md 3.2); KL, as released for locomotion."""
+"""SMODICE's main stage, the discriminator frozen; KL, as released for locomotion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cells and runs, and the one identity that decides whether a run is already done (decision 6)."""
+"""Cells and runs, and the one identity that decides whether a run is already done."""
 
 from __future__ import annotations
 

@@ -217,8 +217,8 @@ def build_command(suite: str, protocol: str, task: str, source: str = "generated
 def requests(suite: Suite, task: Task, recipe: Recipe) -> tuple[PartRequest, PartRequest]:
     """The offline and the expert part that a recipe reads.
 
-    The released walk counts a trajectory every H of its rows, but a timed-out episode has only H - 1 of them
-    (methods.md 2.4): K counts take up to K H / (H - 1) episodes, and one more for the triples at the seam.
+    The released walk counts a trajectory every H of its rows, but a timed-out episode has only H - 1 of them: K
+    counts take up to K H / (H - 1) episodes, and one more for the triples at the seam.
     """
     read, horizon = task.read_from, task.environment.horizon
     offline, expert = (None, None) if read is None else (read.offline, read.expert)

@@ -210,7 +210,7 @@ class Environment:
         return _spaces(self.id, json.dumps(dict(self.arguments), sort_keys=True))
 
     def normalized_score(self, episode_return: float) -> float:
-        """Score ``100 (return - random) / (expert - random)`` (methods.md 5.1; D4RL's definition)."""
+        """Score ``100 (return - random) / (expert - random)``."""
         return 100.0 * (episode_return - self.random_return) / (self.expert_return - self.random_return)
 
 

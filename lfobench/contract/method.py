@@ -18,13 +18,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import torch
 from pydantic import BaseModel, ConfigDict, PositiveInt, Strict
-from torch import Tensor
 
 from lfobench.randomness import StepRandomness
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 Field = Literal[
     "observation",
@@ -35,9 +37,9 @@ Field = Literal[
     "initial_observation",
     "label",
 ]
-Batch = Mapping[Field, Tensor]
-Metrics = dict[str, Tensor]
-State = dict[str, Tensor]
+Batch: TypeAlias = "Mapping[Field, Tensor]"
+Metrics: TypeAlias = "dict[str, Tensor]"
+State: TypeAlias = "dict[str, Tensor]"
 
 Boundary = Literal["released", "exact"]
 Termination = Literal["teleport", "zero", "absorbing"]

@@ -35,7 +35,7 @@ Level = str
 
 @dataclass(frozen=True)
 class Recipe:
-    """What makes the offline data, and what of the expert is observed (methods.md 2.3 and 2.4).
+    """What makes the offline data, and what of the expert is observed.
 
     Attributes:
         offline: level of who made the poor part of the offline data.
@@ -75,7 +75,7 @@ class Recipe:
     def recorded(
         cls, offline: Level, offline_trajectories: int, expert: Level, demonstrations: int, **others: Any
     ) -> Recipe:
-        """Recorded trajectories, of which the expert's are observed and join nothing (methods.md 7).
+        """Recorded trajectories, of which the expert's are observed and join nothing.
 
         Args:
             offline: level of who recorded the offline data.

@@ -1,6 +1,6 @@
 """Which rows of the data exist, and what follows the end of an episode: every rule once, by name.
 
-``released`` boundaries are those of the authors' readers (methods.md 2.1 and 2.2): the last step of a timed-out
+``released`` boundaries are those of the authors' readers: the last step of a timed-out
 episode and the last row of a file are dropped, and the successor of a terminal step is the first observation of
 the next episode (a teleport). ``exact`` boundaries use the true successor of every step.
 
@@ -31,7 +31,7 @@ class Rows:
         next_observation: ``[R]`` index of s'.
         second_next_observation: ``[R]`` index of s''; None for plain transitions.
         terminated: ``[R]`` True where no value follows s'.
-        sampled: rows that training draws; later ones only serve as discriminator negatives (methods.md 2.6).
+        sampled: rows that training draws; later ones only serve as discriminator negatives.
     """
 
     observation: IntArray
@@ -101,7 +101,7 @@ def released_transitions(episodes: Episodes) -> Rows:
 
 
 def released_expert_prefix(expert: Rows, trajectories: int, horizon: int) -> Rows:
-    """The expert rows that the released mix takes for K trajectories (methods.md 2.4, with its drift).
+    """The expert rows that the released mix takes for K trajectories.
 
     A trajectory is counted when a step counter reaches `horizon` or at a terminal row; the row at which the K-th
     is counted is itself excluded. If K are never counted, every row is taken, as SMODICE's reader does; DILO's would
@@ -184,7 +184,7 @@ def exact_triples(episodes: Episodes, termination: Termination, absorbing: int) 
 
 
 def absorb_transitions(transitions: Rows, absorbing: int) -> Rows:
-    """SMODICE's absorbing transitions (methods.md 2.6): terminal rows lead to the absorbing observation, d = 1.
+    """SMODICE's absorbing transitions: terminal rows lead to the absorbing observation, d = 1.
 
     One absorbing row per terminal row is appended and never drawn for training, as released.
     """

@@ -1,4 +1,4 @@
-"""What a method is handed: the fields it declared, and no tensor beyond them (decision 3).
+"""What a method is handed: the fields it declared, and no tensor beyond them.
 
 Rewards never leave `Episodes`. Expert actions exist here only for a method that declares its access to them.
 Nothing tells an offline batch which of its rows came from the expert: there is no label, and the rows lie in an

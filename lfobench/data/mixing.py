@@ -1,4 +1,4 @@
-"""A task's data: the offline mix and the demonstration that a recipe defines (methods.md 2.3 and 2.4)."""
+"""A task's data: the offline mix and the demonstration that a recipe defines."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class StageSampler:
     """Chooses the rows of one stage's batches.
 
     In a method's last stage offline rows are drawn from those that training samples; an earlier stage sees all
-    rows, because the released discriminator's negatives do (methods.md 2.6).
+    rows, because the released discriminator's negatives do.
 
     Attributes:
         draws: the stage's draws; a chunk of them holds whole passes over the expert rows.

@@ -205,7 +205,7 @@ def rollout(
 
 
 def start_seed(task: Task, episode: int, starts: Starts = "evaluation") -> int:
-    """Seed of the reset of episode k: the same for every method, seed and step of a task (decision 7)."""
+    """Seed of the reset of episode k: the same for every method, seed and step of a task."""
     return zlib.crc32(f"{starts} {task.name} {episode}".encode())
 
 

@@ -12,13 +12,15 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import torch
-from torch import Tensor
 
-from lfobench.nn.perceptron import Activation, Layout, Parameters, Pass, composed, evaluated
+from lfobench.nn.perceptron import Activation, Layout, Parameters, composed, evaluated
 from lfobench.randomness import Randomness
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 Initialization = Literal["torch", "xavier"]
 
@@ -35,6 +37,15 @@ def _initial_bounds(fan_in: int, fan_out: int, initialization: Initialization) -
     if initialization == "torch":
         return 1.0 / math.sqrt(fan_in), 1.0 / math.sqrt(fan_in)
     return math.sqrt(6.0 / (fan_in + fan_out)), 0.0
+
+
+def differentiable(parameters: Parameters, inputs: Tensor) -> Tensor:
+    """Outputs ``[G, B, out]`` of inputs ``[S, B, in]``, once differentiable in the parameters alone."""
+    # Imported here, because it needs torch itself and listing methods does not.
+    from lfobench.nn.passes import Pass
+
+    outputs: Tensor = Pass.apply(parameters.leaf, parameters, inputs)  # type: ignore[no-untyped-call]
+    return outputs
 
 
 class Network:
@@ -87,7 +98,7 @@ class Network:
         elif inputs.requires_grad:
             outputs = composed(self._parameters.layout, self._parameters.leaf, inputs)
         else:
-            outputs = Pass.apply(self._parameters.leaf, self._parameters, inputs)  # type: ignore[no-untyped-call]
+            outputs = differentiable(self._parameters, inputs)
         return outputs.unflatten(0, (self.seed_count, self.heads)) if self.heads > 1 else outputs
 
     def live_tensors(self) -> dict[str, Tensor]:

@@ -14,14 +14,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import torch
-from torch import Tensor
-from torch.autograd.function import once_differentiable
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 Activation = Literal["relu", "tanh"]
-Layer = tuple[Tensor, Tensor]
+Layer: TypeAlias = "tuple[Tensor, Tensor]"
 Place = tuple[tuple[int, int], int]
 
 # Rows of a forward pass without gradient that go through all layers together, so that on a CPU their hidden units
@@ -140,67 +141,20 @@ def evaluated(parameters: Parameters, inputs: Tensor) -> Tensor:
     with torch.no_grad():
         for layers, entry in zip(parameters.blocks(dtype), parameters.layout.shared(inputs.to(dtype)), strict=True):
             chunks = [entry] if batched(inputs) else entry.split(ROWS_IN_CACHE)
-            outputs.append(torch.cat([_forward(parameters.layout, layers, chunk)[-1] for chunk in chunks], dim=-2))
-        return _join(outputs).float()
-
-
-class Pass(torch.autograd.Function):
-    """Outputs ``[G, B, out]`` of inputs ``[S, B, in]``, once differentiable in the parameters ``[G, P]`` alone."""
-
-    @staticmethod
-    def forward(ctx: Any, leaf: Tensor, parameters: Parameters, inputs: Tensor) -> Tensor:
-        """Keeps what every layer saw."""
-        ctx.parameters, ctx.dtype, ctx.unit_signals = parameters, product_type(inputs.device), None
-        ctx.version = parameters.flat._version
-        ctx.seen, outputs = [], []
-        entries = parameters.layout.shared(inputs.to(ctx.dtype))
-        for layers, entry in zip(parameters.blocks(ctx.dtype), entries, strict=True):
-            *hidden, output = _forward(parameters.layout, layers, entry)
-            ctx.seen.append([entry, *hidden])
-            outputs.append(output)
-        return _join(outputs).float()
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, signal: Tensor) -> tuple[Tensor, None, None]:
-        """The gradient, written in place layer by layer."""
-        if ctx.parameters.flat._version != ctx.version:
-            raise RuntimeError("the parameters changed between a pass and its gradient")
-        layout: Layout = ctx.parameters.layout
-        blocks = ctx.parameters.blocks(ctx.dtype)
-        signal = signal.to(ctx.dtype)
-        signals = [signal] if batched(signal) else signal.unbind()
-        gradient = torch.empty_like(ctx.parameters.flat)
-        gradient[:, layout.used :].zero_()
-        if layout.sizes[-1] == 1 and ctx.unit_signals is None:
-            # A row's signals are its output's, times signals that depend on the forward pass alone. Several losses of
-            # one pass share those, and with them every product but the weights' gradients.
-            ctx.unit_signals = [_signals(layout, *each, None) for each in zip(blocks, ctx.seen, strict=True)]
-        for entry, into in enumerate(layout.blocks(gradient)):
-            if layout.sizes[-1] == 1:
-                hidden = [unit * signals[entry] for unit in ctx.unit_signals[entry]]
-            else:
-                hidden = _signals(layout, blocks[entry], ctx.seen[entry], signals[entry])
-            for index, (weight, bias) in enumerate(into):
-                if index < layout.frozen:
-                    weight.zero_()
-                    bias.zero_()
-                    continue
-                at_output = [*hidden, signals[entry]][index - layout.frozen]
-                _multiply(ctx.seen[entry][index].mT, at_output, weight)
-                torch.sum(at_output, dim=-2, keepdim=True, dtype=torch.float32, out=bias)
-        return gradient, None, None
+            outputs.append(torch.cat([forward(parameters.layout, layers, chunk)[-1] for chunk in chunks], dim=-2))
+        return join(outputs).float()
 
 
 def _view(flat: Tensor, shape: tuple[int, int], offset: int, start: int) -> Tensor:
     return flat.as_strided(shape, (shape[1], 1), start + offset)
 
 
-def _join(outputs: Sequence[Tensor]) -> Tensor:
+def join(outputs: Sequence[Tensor]) -> Tensor:
+    """Outputs of all blocks as one tensor ``[G, B, out]``."""
     return outputs[0] if outputs[0].dim() == 3 else torch.stack(list(outputs))
 
 
-def _forward(layout: Layout, layers: Sequence[Layer], inputs: Tensor) -> list[Tensor]:
+def forward(layout: Layout, layers: Sequence[Layer], inputs: Tensor) -> list[Tensor]:
     """What every layer gives, activation included, of inputs ``[..., B, in]``."""
     hidden, given = inputs, []
     for index, (weight, bias) in enumerate(layers):
@@ -211,7 +165,7 @@ def _forward(layout: Layout, layers: Sequence[Layer], inputs: Tensor) -> list[Te
     return given
 
 
-def _signals(layout: Layout, layers: Sequence[Layer], seen: Sequence[Tensor], output: Tensor | None) -> list[Tensor]:
+def signals_of(layout: Layout, layers: Sequence[Layer], seen: Sequence[Tensor], output: Tensor | None) -> list[Tensor]:
     """Signals ``[..., B, width]`` at the trained hidden layers, from the first; an `output` of None is all ones."""
     signals: list[Tensor] = []
     signal = output
@@ -226,7 +180,8 @@ def _signals(layout: Layout, layers: Sequence[Layer], seen: Sequence[Tensor], ou
     return signals
 
 
-def _multiply(left: Tensor, right: Tensor, out: Tensor) -> None:
+def multiply(left: Tensor, right: Tensor, out: Tensor) -> None:
+    """Product written to where it belongs, whatever the number type of its factors."""
     if out.dtype == left.dtype:
         torch.matmul(left, right, out=out)
     else:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import torch
-from torch import Tensor
 
 from lfobench.contract.method import Metrics, Shapes
 from lfobench.nn.networks import Adam, Network, SeedVector
 from lfobench.randomness import StepRandomness
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 _HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 
@@ -27,7 +30,7 @@ def squared_error(action: Tensor, prediction: Tensor) -> Tensor:
 
 
 class DeterministicPolicy:
-    """``tanh(MLP(s))`` trained by weighted regression (methods.md 3.1, policy step)."""
+    """``tanh(MLP(s))`` trained by weighted regression."""
 
     def __init__(
         self,
@@ -96,7 +99,7 @@ class GaussianPolicy(DeterministicPolicy):
 
 
 class TanhGaussianPolicy:
-    """Squashed Gaussian trained on weighted log-likelihood with an entropy constraint (methods.md 3.2).
+    """Squashed Gaussian trained on weighted log-likelihood with an entropy constraint.
 
     ``L_pi = -mean(w log pi(a|s)) + exp(l) mean log pi(a~|s)``, a~ a reparameterised sample;
     ``L_l = -l (mean log pi(a~|s) + H)`` with H = -dim(a). Without the constraint only the first term remains.

@@ -1,4 +1,4 @@
-"""Franka kitchen: gymnasium-robotics' simulation with D4RL's tasks, scores and observations (methods.md 2.5, 5.1)."""
+"""Franka kitchen: gymnasium-robotics' simulation with D4RL's tasks, scores and observations."""
 
 from __future__ import annotations
 

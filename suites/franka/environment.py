@@ -29,7 +29,7 @@ class Kitchen(gymnasium.Env[FloatArray, NDArray[np.floating[Any]]]):
     The layouts of an observation:
 
     - ``d4rl-with-goal`` ``[60]``: 9 coordinates of the robot, 21 of the objects, both with D4RL's noise, and the 30 of
-      the variant's goal. The kitchen goal-vector trap (methods.md 2.5): D4RL's files hold the goal of the variant that
+      the variant's goal. The kitchen goal-vector trap: D4RL's files hold the goal of the variant that
       each was made for, so the expert rows of ``complete`` differ from every row of ``mixed`` by a constant vector,
       which says of any row whether it is the expert's; and a policy meets the goal of the variant it is evaluated in.
     - ``d4rl-without-goal`` ``[30]``: the same without the goal. Of a file, read the first 30 columns.

@@ -6,7 +6,7 @@ D4RL: Fu et al., 2020, arXiv:2004.07219. The tasks and their rewards: Rajeswaran
 from __future__ import annotations
 
 HORIZONS = {"pen": 100, "door": 200, "hammer": 200}
-"""Steps of an episode, per environment (methods.md 2.3)."""
+"""Steps of an episode, per environment."""
 
 LASTING = {"pen": 20, "door": 25, "hammer": 25}
 """An episode succeeds in D4RL's own account, ``evaluate_success``, if more of its steps than these are successful."""

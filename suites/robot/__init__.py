@@ -1,4 +1,4 @@
-"""The seed paper's robot tasks, simulated: an arm on a tilted air-hockey table (methods.md, section 7)."""
+"""The seed paper's robot tasks, simulated: an arm on a tilted air-hockey table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every number of the simulated robot, with its unit and whether the paper gives it (methods.md, section 7) or we do.
+"""Every number of the simulated robot, with its unit and whether the paper gives it or we do.
 
 Lengths are in metres: x runs along the table from the robot's end (0) to the far end, y across it with 0 in the middle.
 """

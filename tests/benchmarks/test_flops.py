@@ -1,4 +1,4 @@
-"""The printed figures of methods.md 8."""
+"""Figures worked out by hand from the networks' sizes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lfobench.contract.method import Shapes
 
 HIDDEN = (256, 256)
 HOPPER = SHAPES["hopper"]
-# methods.md 8 says "hopper dims 11/3"; its figures of SMODICE and ORIL are those with the absorbing indicator.
+# Hopper has 11 observations and 3 actions; the figures of SMODICE and ORIL are those with the absorbing indicator.
 HOPPER_ABSORBING = Shapes(12, 3)
 
 

@@ -1,4 +1,4 @@
-"""Configuration in layers, and the identity that decides whether a run is done (decision 6)."""
+"""Configuration in layers, and the identity that decides whether a run is done."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""methods.md 2.1, 2.2, 2.4 and 2.6 once more: loops over raw rows that compare values, as the authors' readers do.
+"""The rules of the readers once more: loops over raw rows that compare values, as the authors' readers do.
 
 Slow, plain and independent of lfobench.data.boundaries; every observation of a test's episodes is distinct, so a
 row can be recognised by its values.

@@ -1,4 +1,4 @@
-"""Recipes against the readers' loops, and parity items 2, 3 and 4 of methods.md 9."""
+"""Recipes against the readers' loops, and the counts of the published mixes."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_standardisation_uses_the_mix_that_is_sampled(
 
 
 def test_halfcheetah_random_expert_by_the_numbers() -> None:
-    """methods.md 2.4: 998,000 + 199,798 triples; the demonstration has 999 rows (parity item 4)."""
+    """998,000 + 199,798 triples; the demonstration has 999 rows."""
     offline = make_episodes([(1000, False)] * 1000, width=1)
     expert = make_episodes([(1000, False)] * 202, start=2_000_000, width=1)
     found = mix(offline, expert, recipe(200, 1000), DataNeeds(offline=TRIPLE, expert=TRIPLE), 1000)
@@ -207,7 +207,7 @@ def test_demonstrations_counted_in_trajectories_are_the_same_for_every_method(
             seen[f"{boundary} {len(fields)}"] = states_of(found, found.expert)
     assert seen["exact 2"] == seen["exact 3"] == whole
     assert seen["released 3"] <= seen["released 2"] <= whole
-    # Two steps of a timed-out trajectory's end are not in a released reader's rows (methods.md 2.1 and 2.2).
+    # Two steps of a timed-out trajectory's end are not in a released reader's rows.
     assert len(whole - seen["released 3"]) <= 3 * demonstrations
 
 

@@ -1,4 +1,4 @@
-"""Evaluation in lock step against the plain loop, and the same starts for everyone (decision 7)."""
+"""Evaluation in lock step against the plain loop, and the same starts for everyone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Batches are a function of (seed, stage, step) alone (decision 2)."""
+"""Batches are a function of (seed, stage, step) alone."""
 
 from __future__ import annotations
 

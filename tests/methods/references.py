@@ -1,4 +1,4 @@
-"""The formulas of methods.md for one seed, slow and in float64: NumPy, back-propagation written out by hand.
+"""The formulas of docs/methods.md for one seed, slow and in float64: NumPy, back-propagation written out by hand.
 
 Nothing here is taken from the package `methods`; a network is a plain list ``[W0, b0, W1, b1, ...]`` with weights
 ``[in, out]``, and a gradient is a list of the same shapes.
@@ -103,7 +103,7 @@ class AdamReference:
             parameters[i] = parameters[i] - rate * mean / (np.sqrt(square) + 1e-8)
 
 
-# --- DILO, methods.md 3.1 ---------------------------------------------------------------------------------------
+# --- DILO ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -269,7 +269,7 @@ class DiloReference:
         self.seen_weights.append(weight)
 
 
-# --- SMODICE, methods.md 3.2 ------------------------------------------------------------------------------------
+# --- SMODICE ------------------------------------------------------------------------------------
 
 
 def discriminator_loss(parameters: Parameters, expert: Array, offline: Array, mixing: Array, penalty: float) -> float:
@@ -344,7 +344,7 @@ def negative_entropy(policy: Parameters, observation: Array, noise: Array) -> fl
     return float(squashed_log_density(sample, np.tanh(sample), mean, log_std).mean())
 
 
-# --- ORIL, methods.md 3.3 ---------------------------------------------------------------------------------------
+# --- ORIL ---------------------------------------------------------------------------------------
 
 
 def oril_target(actor: Parameters, critics: Sequence[Parameters], reward: Array, rows: Rows, noise: Array) -> Array:

@@ -12,7 +12,8 @@ from method_helpers import normal
 from torch import Tensor
 
 from lfobench.nn import perceptron
-from lfobench.nn.perceptron import Activation, Layout, Parameters, Pass, composed, evaluated
+from lfobench.nn.networks import differentiable
+from lfobench.nn.perceptron import Activation, Layout, Parameters, composed, evaluated
 
 SEEDS, HEADS, ROWS = 3, 2, 300
 
@@ -49,7 +50,7 @@ def test_a_pass_is_what_torchs_operations_give(
 ) -> None:
     built, given = parameters(sizes, activation, min(frozen, len(sizes) - 2)), inputs(sizes[0])
     expected = composed(built.layout, built.leaf, given)
-    found = Pass.apply(built.leaf, built, given)
+    found = differentiable(built, given)
     assert found.shape == (SEEDS * HEADS, ROWS, sizes[-1])
     torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-5)
     torch.testing.assert_close(evaluated(built, given), expected, rtol=1e-5, atol=1e-5)
@@ -60,7 +61,7 @@ def test_a_pass_is_what_torchs_operations_give(
 
 def test_several_losses_of_one_pass_share_signals_and_have_their_own_gradients(way: str) -> None:
     built, given = parameters((6, 32, 32, 1)), inputs(6)
-    kept = Pass.apply(built.leaf, built, given)
+    kept = differentiable(built, given)
     losses = [kept.sum(), kept.square().sum(), kept[:, :7].exp().sum()]
     for index, loss in enumerate(losses):
         (found,) = torch.autograd.grad(loss, built.leaf, retain_graph=True)
@@ -71,11 +72,11 @@ def test_several_losses_of_one_pass_share_signals_and_have_their_own_gradients(w
 
 
 def test_shared_signals_spare_products() -> None:
-    """A second loss of one pass costs the weights' gradients and nothing more (methods.md 8 counts both in full)."""
+    """A second loss of one pass costs the weights' gradients and nothing more."""
     from torch.utils.flop_counter import FlopCounterMode
 
     built, given = parameters((6, 32, 32, 1)), inputs(6)
-    outputs = Pass.apply(built.leaf, built, given)
+    outputs = differentiable(built, given)
     counts = []
     for _ in range(2):
         with FlopCounterMode(display=False) as counter:
@@ -90,7 +91,7 @@ def test_bf16_products_are_near_and_leave_float32_outside() -> None:
     built, given = parameters((6, 32, 32, 1)), inputs(6)
     expected = composed(built.layout, built.leaf, given)
     with torch.autocast("cpu", torch.bfloat16, cache_enabled=False):
-        found = Pass.apply(built.leaf, built, given)
+        found = differentiable(built, given)
         without = evaluated(built, given)
     assert found.dtype == without.dtype == torch.float32
     gradient = gradient_of(found, built.leaf)

@@ -14,7 +14,7 @@ from lfobench.data.firewall import check_declaration
 ALL = registry.method_names()
 methods = pytest.mark.parametrize("method", [registry.load_method(name) for name in ALL], ids=ALL)
 
-# methods.md 3 and 4, as they stand there.
+# Papers and released code, as docs/methods.md has them.
 STATED: list[tuple[str, str, dict[str, Any]]] = [
     (
         "dilo",

@@ -113,7 +113,7 @@ def test_an_edited_identity_is_named_and_not_reused(
 
 
 def test_edited_results_are_named_and_not_reused(folder: RecordFolder, run: Run) -> None:
-    """Written once, never edited (decision 5)."""
+    """Written once, never edited."""
     path = folder.write(run, record_of(run))
     edit(path, "evaluations", value=[{"step": 10, "returns": [9999.0, 9999.0], "lengths": [3, 4]}])
     assert folder.find(run) is None

@@ -1,4 +1,4 @@
-"""The suite by its numbers (methods.md, section 7), beside the published table and the operators that feed it."""
+"""The suite by its numbers, beside the published table and the operators that feed it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The suite by its numbers (methods.md 2.3 to 2.5, 5.1 and 5.3), and where its data come from."""
+"""The suite by its numbers, and where its data come from."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_all_that_a_recipe_names_can_be_generated(suite: Suite, task: Task) -> N
 @pytest.mark.parametrize("preset", ["released", "paper"])
 @pytest.mark.parametrize("suite", ["kitchen", "kitchen-paper", "kitchen-without-goal", "table1"])
 def test_smodice_and_oril_are_as_their_authors_run_them_here(suite: str, preset: str) -> None:
-    """chi^2, no absorbing state, and, where the mix is released, no expert trajectory in it (methods.md 2.6)."""
+    """chi^2, no absorbing state, and, where the mix is released, no expert trajectory in it."""
     request = Request("smodice,oril,dilo,bco", suite, "kitchen-*", preset=preset, protocol="quick")
     for cell in make_plan(request, lambda: False).cells:
         name, config = cell.method.name, cell.identity["config"]

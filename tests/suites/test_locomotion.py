@@ -1,4 +1,4 @@
-"""The suite by its numbers (methods.md 2.5, 5.1 and 5.3), and the demonstrations that its seeds choose."""
+"""The suite by its numbers, and the demonstrations that its seeds choose."""
 
 from __future__ import annotations
 

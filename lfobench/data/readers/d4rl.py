@@ -1,8 +1,8 @@
 """D4RL's layout: flat arrays, one row per step, with flags where an episode ends.
 
 ``observations [N, obs]``, ``actions [N, act]``, ``terminals [N]``; ``rewards``, ``timeouts`` and ``next_observations``
-may be missing. Without ``timeouts``, an episode ends when its step counter reaches the horizon, as in D4RL's own reader
-(methods.md 2.1). What is both terminated and timed out is timed out, again as there. That reader ignores
+may be missing. Without ``timeouts``, an episode ends when its step counter reaches the horizon, as in D4RL's own
+reader. What is both terminated and timed out is timed out, again as there. That reader ignores
 ``next_observations``; here they say in which observation an episode ends, and where one ends that no flag tells of.
 """
 
@@ -37,7 +37,7 @@ DIMENSIONS = {
 }
 ESSENTIAL = ("observations", "actions", "terminals")
 CONTINUES = 1e-6
-"""Distance below which a next observation is the following observation (methods.md 2.2)."""
+"""Distance below which a next observation is the following observation."""
 
 
 def lacking(root: h5py.File) -> list[str]:

@@ -59,7 +59,7 @@ class Reacting(ABC):
 SINGLE_LIMIT = DynamicHitting.horizon
 """Steps after which a recording of one hit is cut at the latest."""
 REPEATED_LIMIT = 2000
-"""Steps after which a recording of repeated hits is cut (methods.md, section 7)."""
+"""Steps after which a recording of repeated hits is cut."""
 SHORTEST_RALLY = 16
 """Steps between two strikes at the least."""
 

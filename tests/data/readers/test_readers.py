@@ -91,7 +91,7 @@ def test_without_next_observations_the_ends_are_unknown_and_no_exact_row_reaches
 
 
 def authors_transitions(path: Path, horizon: int) -> list[tuple[bytes, bytes, bool]]:
-    """D4RL's reader row by row (methods.md 2.1)."""
+    """D4RL's reader row by row."""
     with h5py.File(path) as file:
         data = {name: file[name][:] for name in file}
     rows, step = [], 0

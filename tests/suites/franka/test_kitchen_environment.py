@@ -80,7 +80,7 @@ def test_the_layouts_show_one_state() -> None:
 
 @pytest.mark.parametrize(("variant", "scored"), [("complete", FIRST), ("partial", FIRST), ("mixed", MIXED)])
 def test_the_last_columns_are_the_goal_of_the_variant(variant: Variant, scored: tuple[str, ...]) -> None:
-    """D4RL's numbers (methods.md 2.5)."""
+    """D4RL's numbers."""
     wanted = {
         "bottom burner": {11: -0.88, 12: -0.01},
         "light switch": {17: -0.69, 18: -0.05},

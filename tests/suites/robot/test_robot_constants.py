@@ -1,4 +1,4 @@
-"""Every number of the simulated robot has a unit and an origin, and the paper's are the paper's (methods.md, 7)."""
+"""Every number of the simulated robot has a unit and an origin, and the paper's are the paper's."""
 
 from __future__ import annotations
 

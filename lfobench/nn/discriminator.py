@@ -1,17 +1,19 @@
-"""State discriminator that SMODICE and ORIL take their reward from (methods.md 3.2)."""
+"""State discriminator that SMODICE and ORIL take their reward from."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import torch
 from pydantic import Field
-from torch import Tensor
-from torch.nn.functional import logsigmoid
 
 from lfobench.contract.method import MethodConfig, Metrics, Shapes, Sizes, Stage
 from lfobench.nn.networks import Adam, Network
 from lfobench.randomness import StepRandomness
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 STAGE = "discriminator"
 
@@ -77,6 +79,7 @@ class Discriminator:
     def classification_loss(self, expert: Tensor, offline: Tensor) -> Tensor:
         """``BCE(D(expert), 1) + BCE(D(offline), 0)`` per seed."""
         expert_logit, offline_logit = self._network(expert).squeeze(-1), self._network(offline).squeeze(-1)
+        logsigmoid = torch.nn.functional.logsigmoid
         return -(logsigmoid(expert_logit).mean(-1) + logsigmoid(-offline_logit).mean(-1))
 
     def penalty_loss(self, expert: Tensor, offline: Tensor, fraction: Tensor) -> Tensor:
