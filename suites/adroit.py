@@ -17,8 +17,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lfobench.contract.suite import Environment, Files, Level, Recipe, Suite, Task
-from suites import sources as d4rl
-from suites import sources as minari
+from suites import sources
 from suites.hand import HORIZONS, identifier
 from suites.hand.levels import demonstrator
 
@@ -63,10 +62,12 @@ def _task(environment: Environment, offline: Level) -> Task:
         paper_steps=PAPER_STEPS,
         simulator=("gymnasium-robotics",),
         files={
-            "d4rl": Files(d4rl.adroit(name, offline), d4rl.adroit(name, "expert"), recipe=real, group=group),
+            "d4rl": Files(
+                sources.d4rl_adroit(name, offline), sources.d4rl_adroit(name, "expert"), recipe=real, group=group
+            ),
             "minari": Files(
-                offline=minari.dataset(f"D4RL/{name}/{offline}-v2"),
-                expert=minari.dataset(f"D4RL/{name}/expert-v2"),
+                offline=sources.minari(f"D4RL/{name}/{offline}-v2"),
+                expert=sources.minari(f"D4RL/{name}/expert-v2"),
                 recipe=real,
                 group=group,
             ),

@@ -15,7 +15,7 @@ from typing import Any
 
 from lfobench.contract.suite import Budget, Environment, Level, Recipe, Suite, Task
 from suites.robot import constants
-from suites.robot.operators import SINGLE_HITS, demonstrator
+from suites.robot.demonstrators import SINGLE_HITS, demonstrator
 from suites.robot.scene import scene
 
 # The paper gives no gradient steps for the robot; these are for a GPU, with the released hyperparameters.

@@ -25,8 +25,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lfobench.contract.suite import DataFile, Environment, Files, Recipe, Settings, Suite, Task
-from suites import sources as d4rl
-from suites import sources as minari
+from suites import sources
 from suites.franka import HORIZON, IDENTIFIER
 from suites.franka.constants import OBJECTS, ROBOT, Layout, Variant
 from suites.franka.demonstrator import load
@@ -47,13 +46,13 @@ def _environment(variant: Variant, layout: Layout) -> Environment:
 
 
 def _d4rl(level: str, layout: Layout) -> DataFile:
-    return replace(d4rl.kitchen(level), columns=None if layout == "d4rl-with-goal" else ROBOT + OBJECTS)
+    return replace(sources.d4rl_kitchen(level), columns=None if layout == "d4rl-with-goal" else ROBOT + OBJECTS)
 
 
 def _files(variant: Variant, layout: Layout, recipe: Recipe) -> dict[str, Files]:
     found = {"d4rl": Files(offline=_d4rl(variant, layout), expert=_d4rl("complete", layout), returns=False)}
     if layout == "d4rl-with-goal":
-        offline, expert = (minari.dataset(f"D4RL/kitchen/{level}-v2") for level in (variant, "complete"))
+        offline, expert = (sources.minari(f"D4RL/kitchen/{level}-v2") for level in (variant, "complete"))
         whole = replace(recipe, offline_transitions=MINARI_TRANSITIONS)
         found["minari"] = Files(offline, expert, _environment(variant, "minari"), whole, returns=False)
     return found

@@ -17,8 +17,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from lfobench.contract.suite import Environment, Files, Level, Recipe, Suite, Task
-from suites import sources as d4rl
-from suites import sources as minari
+from suites import sources
 from suites.demonstrators import load
 
 ENVIRONMENTS = (
@@ -49,13 +48,13 @@ def _files(environment: Environment, offline: Level) -> dict[str, Files]:
     name, columns = environment.name, COLUMNS.get(environment.name)
     found = {
         "d4rl": Files(
-            offline=d4rl.locomotion(name, offline, columns),
-            expert=d4rl.locomotion(name, "expert", columns),
+            offline=sources.d4rl_locomotion(name, offline, columns),
+            expert=sources.d4rl_locomotion(name, "expert", columns),
             environment=on_version_4(environment),
         )
     }
     if offline != "random":
-        medium, expert = (minari.dataset(f"mujoco/{name}/{level}-v0", columns) for level in (offline, "expert"))
+        medium, expert = (sources.minari(f"mujoco/{name}/{level}-v0", columns) for level in (offline, "expert"))
         found["minari"] = Files(offline=medium, expert=expert)
     return found
 

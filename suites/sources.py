@@ -14,22 +14,22 @@ _KITCHEN = {
 }
 
 
-def locomotion(environment: str, level: str, columns: int | None = None) -> DataFile:
+def d4rl_locomotion(environment: str, level: str, columns: int | None = None) -> DataFile:
     """``hopper``, ``random`` to ``hopper-random-v2``."""
     address = f"{HOST}/gym_mujoco_v2/{environment}_{level}-v2.hdf5"
     return DataFile(f"{environment}-{level}-v2", (address,), columns=columns)
 
 
-def adroit(environment: str, level: str) -> DataFile:
+def d4rl_adroit(environment: str, level: str) -> DataFile:
     """``pen``, ``cloned`` to ``pen-cloned-v0``."""
     return DataFile(f"{environment}-{level}-v0", (f"{HOST}/hand_dapg/{environment}-{_ADROIT[level]}.hdf5",))
 
 
-def kitchen(level: str) -> DataFile:
+def d4rl_kitchen(level: str) -> DataFile:
     """``partial`` to ``kitchen-partial-v0``."""
     return DataFile(f"kitchen-{level}-v0", (f"{HOST}/kitchen/{_KITCHEN[level]}.hdf5",))
 
 
-def dataset(identifier: str, columns: int | None = None) -> DataFile:
+def minari(identifier: str, columns: int | None = None) -> DataFile:
     """``mujoco/hopper/medium-v0``."""
     return DataFile(identifier.replace("/", "-"), (f"minari:{identifier}",), columns=columns)

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import binomtest
 
-from suites.robot.operators import SINGLE_HITS, operators
-from suites.robot.operators.recording import SUCCESS
+from suites.robot.demonstrators import SINGLE_HITS, demonstrators
+from suites.robot.demonstrators.recording import SUCCESS
 
 SHARE_OF_REPEATED = 10
 """A recording of repeated hits takes ten times as long as another, so one in ten is made."""
@@ -20,7 +20,7 @@ SHARE_OF_REPEATED = 10
 def lines(episodes: int, seed: int) -> Iterator[str]:
     """A table: a heading and a line per operator."""
     yield f"{'environment':36}{'level':17}{'episodes':>8}{'success %':>11}{'95 % interval':>16}{'steps':>8}  failures"
-    for environment, levels in operators().items():
+    for environment, levels in demonstrators().items():
         for level, operator in levels.items():
             repeated = "repeated" in level
             count = SINGLE_HITS + episodes // SHARE_OF_REPEATED if repeated else episodes

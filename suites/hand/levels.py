@@ -55,7 +55,7 @@ class Manner:
     detour: float
 
 
-class Scripted:
+class ScriptedPolicy:
     """A policy with a memory of its episode; a fresh one acts as any other with the same generator.
 
     Args:
@@ -154,7 +154,7 @@ def demonstrator(environment: str, level: Level) -> Demonstrator:
     expert = policy(environment, "expert")
     if level == "expert":
         return expert
-    scripted = Scripted(expert, MANNERS[environment])
+    scripted = ScriptedPolicy(expert, MANNERS[environment])
     return scripted if level == "scripted" else Halves(scripted, policy(environment, "clone"))
 
 

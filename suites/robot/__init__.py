@@ -17,6 +17,6 @@ def register_environments() -> None:
             register(
                 id=identifier,
                 entry_point=f"suites.robot.environments:{name}",
-                vector_entry_point=f"suites.robot.vector_environments:{name}",
+                vector_entry_point=f"suites.robot.environments:Vector{name}",
                 max_episode_steps=int(horizon),
             )

@@ -15,9 +15,9 @@ from mujoco import rollout
 from numpy.typing import NDArray
 
 from lfobench.contract.episodes import BoolArray, FloatArray
-from suites.robot import constants, model, outcomes, servo
+from suites.robot import constants, model, servo, tasks
 from suites.robot.servo import SUBSTEPS, Rest
-from suites.robot.tasks import Motion, RobotTask, puck_met
+from suites.robot.tasks import Codes, Motion, RobotTask, puck_met
 
 Purpose = Literal["start", "bias", "noise", "dropout"]
 PURPOSES: tuple[Purpose, ...] = ("start", "bias", "noise", "dropout")
@@ -255,7 +255,7 @@ class Simulation:
 
         motion = self._motion(path)
         code = self.task.judge(motion)
-        code[stopped & (code != outcomes.CUP_HIT)] = outcomes.EMERGENCY_STOP
+        code[stopped & (code != tasks.CUP_HIT)] = tasks.EMERGENCY_STOP
         newest = self._tracked(motion.effector, motion.puck)
         observation = self._sensing.observe(
             self._state[:, 1:3],
@@ -277,7 +277,7 @@ class Simulation:
         rested = self._rest.update(effector[:, -1].copy())
         return Motion(effector, puck, puck_velocity, rested, touching, self._touched)
 
-    def _result(self, observation: FloatArray, code: outcomes.Codes) -> StepResult:
+    def _result(self, observation: FloatArray, code: Codes) -> StepResult:
         over = self._terminated | self._truncated
         code[over] = 0
         if self._ends:
@@ -286,12 +286,12 @@ class Simulation:
             late = ~(over | self._terminated)
             self._truncated = self._truncated | late
             late &= code == 0
-            code[late] = outcomes.OUT_OF_TIME
+            code[late] = tasks.OUT_OF_TIME
             if self.task.touch_fails:
-                code[late & self._touched] = outcomes.TOUCHED_ONLY
-        reward = (code == outcomes.SUCCESS).astype(np.float64)
+                code[late & self._touched] = tasks.TOUCHED_ONLY
+        reward = (code == tasks.SUCCESS).astype(np.float64)
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
-        return StepResult(observation, reward, terminated, truncated, outcomes.named(code), code != 0)
+        return StepResult(observation, reward, terminated, truncated, tasks.outcome_names(code), code != 0)
 
     def _given(self, name: str, value: Array | None, drawn: list[tuple[float, float]]) -> Array:
         chosen = np.asarray(drawn if value is None else value, dtype=np.float64)

@@ -8,8 +8,7 @@ from typing import ClassVar, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from suites.robot import constants, outcomes
-from suites.robot.outcomes import Codes
+from suites.robot import constants
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW
 
 Array = NDArray[np.float64]
@@ -26,6 +25,30 @@ PUCK_REACH = PADDLE_RADIUS + PUCK_RADIUS
 """Metres between the paddle's centre and the puck's at which they touch."""
 LOST_X = float(WORKSPACE_LOW[0]) - PUCK_REACH
 """A puck nearer to the robot's end than this cannot be reached any more."""
+
+
+Codes = NDArray[np.int8]
+
+OUTCOMES = (
+    None,
+    "success",
+    "cup hit",
+    "emergency stop",
+    "missed",
+    "touched only",
+    "stalled",
+    "out of time",
+)
+"""Code to name; 0 goes on."""
+
+SUCCESS, CUP_HIT, EMERGENCY_STOP, MISSED, TOUCHED_ONLY, STALLED, OUT_OF_TIME = range(1, len(OUTCOMES))
+
+_OUTCOMES = np.array(OUTCOMES, dtype=object)
+
+
+def outcome_names(codes: Codes) -> NDArray[np.object_]:
+    """Names ``[n]``, None where an episode goes on."""
+    return _OUTCOMES[codes]
 
 
 def steps(seconds: float) -> int:
@@ -132,9 +155,9 @@ class SafeManipulation:
         codes = np.zeros(len(motion.effector), dtype=np.int8)
         to_bowl = motion.effector[:, -1] - BOWL
         above = (to_bowl * to_bowl).sum(axis=1) <= float(constants.BOWL_RADIUS) ** 2
-        codes[~above & (motion.rested >= steps(constants.STALL_TIME))] = outcomes.STALLED
-        codes[above & (motion.rested >= steps(constants.GOAL_REST_TIME))] = outcomes.SUCCESS
-        codes[cups_met(motion.effector)] = outcomes.CUP_HIT
+        codes[~above & (motion.rested >= steps(constants.STALL_TIME))] = STALLED
+        codes[above & (motion.rested >= steps(constants.GOAL_REST_TIME))] = SUCCESS
+        codes[cups_met(motion.effector)] = CUP_HIT
         return codes
 
 
@@ -160,8 +183,8 @@ class PuckStriking:
     def judge(self, motion: Motion) -> Codes:
         """Any contact is the success; rest without one is a stall."""
         codes = np.zeros(len(motion.effector), dtype=np.int8)
-        codes[motion.rested >= steps(constants.STALL_TIME)] = outcomes.STALLED
-        codes[motion.touching] = outcomes.SUCCESS
+        codes[motion.rested >= steps(constants.STALL_TIME)] = STALLED
+        codes[motion.touching] = SUCCESS
         return codes
 
 
@@ -204,13 +227,13 @@ class DynamicHitting:
         assert motion.puck is not None and motion.puck_velocity is not None
         codes = np.zeros(len(motion.effector), dtype=np.int8)
         lost = motion.puck[:, -1, 0] < LOST_X
-        codes[lost] = outcomes.MISSED
+        codes[lost] = MISSED
         if self.score == "touch":
-            codes[motion.touching] = outcomes.SUCCESS
+            codes[motion.touching] = SUCCESS
             return codes
-        codes[lost & motion.touched] = outcomes.TOUCHED_ONLY
+        codes[lost & motion.touched] = TOUCHED_ONLY
         leaves = motion.touched & (motion.puck_velocity[:, 0] > float(constants.LEAVING_SPEED))
-        codes[leaves] = outcomes.SUCCESS
+        codes[leaves] = SUCCESS
         return codes
 
 

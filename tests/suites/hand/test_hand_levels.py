@@ -17,7 +17,7 @@ from lfobench.contract.suite import Demonstrator
 from lfobench.errors import UserError
 from suites.adroit import ENVIRONMENTS
 from suites.demonstrators.policy import GaussianTanhPolicy
-from suites.hand.levels import LEVELS, MANNERS, WEIGHTS, Halves, Scripted, demonstrator, policy
+from suites.hand.levels import LEVELS, MANNERS, WEIGHTS, Halves, ScriptedPolicy, demonstrator, policy
 from tools.adroit_distil import CloneSettings, clone, main
 from tools.adroit_measure import Played, act_out
 from tools.distillation import shortfall
@@ -62,7 +62,7 @@ def test_fingerprints_tell_levels_apart() -> None:
     manner = MANNERS["door"]
     expert = policy("door", "expert")
     hastier = dataclasses.replace(manner, lag=manner.lag / 2)
-    assert Scripted(expert, manner).fingerprint != Scripted(expert, hastier).fingerprint
+    assert ScriptedPolicy(expert, manner).fingerprint != ScriptedPolicy(expert, hastier).fingerprint
 
 
 @pytest.mark.parametrize(("wanted", "said"), [(("pin", "expert"), "'pen'"), (("pen", "human"), "scripted")])
@@ -87,7 +87,7 @@ def test_a_scripted_hand_follows_its_expert_late() -> None:
     columns, _ = SHAPES["door"]
     manner = dataclasses.replace(MANNERS["door"], tremor=0.0, pause_every=1e12, detour_every=1e12, lag=10.0)
     first, then = episode_of(columns, 2, seed=3)
-    scripted, generator = Scripted(expert, manner), np.random.default_rng(0)
+    scripted, generator = ScriptedPolicy(expert, manner), np.random.default_rng(0)
     begun = scripted.act(first, generator)
     np.testing.assert_array_equal(begun, expert.mean_action(first))
     moved = [scripted.act(then, generator) for _ in range(10)]

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from suites.robot import constants, tasks
-from suites.robot.operators.foresight import BENDS, Eyes, Routes, choose, crossing, folded, glide
-from suites.robot.operators.human_motion import MOUSE, PERIOD, Draws, Hand, Intention, bulge, minimum_jerk
+from suites.robot.demonstrators.human_motion import MOUSE, PERIOD, Draws, Hand, Intention, bulge, minimum_jerk
+from suites.robot.demonstrators.planning import BENDS, Eyes, Routes, choose, crossing, folded, glide
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW
 from suites.robot.simulation import Simulation
 

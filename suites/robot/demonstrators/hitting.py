@@ -10,9 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suites.robot import tasks
-from suites.robot.operators.foresight import Eyes, around, choose, crossing, folded
-from suites.robot.operators.human_motion import PERIOD, QUICK_HAND, Array, Draws, Hand, Intention, Person, minimum_jerk
-from suites.robot.operators.recording import Recording, Scripted, Take, scored
+from suites.robot.demonstrators.human_motion import (
+    PERIOD,
+    QUICK_HAND,
+    Array,
+    Draws,
+    Hand,
+    Intention,
+    Person,
+    minimum_jerk,
+)
+from suites.robot.demonstrators.planning import Eyes, around, choose, crossing, folded
+from suites.robot.demonstrators.recording import Recording, ScriptedDemonstrator, Take, scored
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW, clipped_action
 from suites.robot.simulation import Simulation
 from suites.robot.tasks import DynamicHitting
@@ -109,7 +118,7 @@ SKILL = Skill()
 
 
 @dataclass(frozen=True)
-class Hitting(Scripted):
+class Hitting(ScriptedDemonstrator):
     """An expert at the table.
 
     Attributes:
@@ -202,7 +211,7 @@ class Player(Reacting):
 
 
 @dataclass(frozen=True)
-class Dodging(Scripted):
+class Dodging(ScriptedDemonstrator):
     """Somebody who moves about the puck and keeps out of its way; lengths in metres, times in seconds, all ours.
 
     Attributes:

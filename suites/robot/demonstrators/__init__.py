@@ -8,7 +8,7 @@ from lfobench.contract.suite import Level
 from lfobench.errors import unknown_name
 
 if TYPE_CHECKING:
-    from suites.robot.operators.recording import Scripted
+    from suites.robot.demonstrators.recording import ScriptedDemonstrator
 
 CORNER_SCATTER = 0.012
 """Metres, per axis, by which a person's starts from one corner differ (standard deviation); ours."""
@@ -17,11 +17,11 @@ SINGLE_HITS = 50
 """The paper's appendix has so many recordings of one hit, and repeated hits after them."""
 
 
-def operators() -> dict[str, dict[Level, Scripted]]:
+def demonstrators() -> dict[str, dict[Level, ScriptedDemonstrator]]:
     """Environment name and level to the operator that records there."""
-    from suites.robot.operators.hitting import Dodging, Hitting
-    from suites.robot.operators.manipulation import HandTrack, SafeTeleoperation, Wandering
-    from suites.robot.operators.striking import SingleStrike, VagueSwings
+    from suites.robot.demonstrators.hitting import Dodging, Hitting
+    from suites.robot.demonstrators.manipulation import HandTrack, SafeTeleoperation, Wandering
+    from suites.robot.demonstrators.striking import SingleStrike, VagueSwings
 
     return {
         "safe-manipulation": {
@@ -46,13 +46,13 @@ def operators() -> dict[str, dict[Level, Scripted]]:
     }
 
 
-def demonstrator(environment: str, level: Level) -> Scripted:
+def demonstrator(environment: str, level: Level) -> ScriptedDemonstrator:
     """The operator of an environment (its short name, e.g. ``puck-striking``) and level.
 
     Raises:
         UserError: there is no such environment or level.
     """
-    known = operators()
+    known = demonstrators()
     if environment not in known:
         raise unknown_name("environment", environment, known)
     if level not in known[environment]:

@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from suites.robot import constants, outcomes, tasks
-from suites.robot.operators.foresight import Routes
-from suites.robot.operators.human_motion import MOUSE, PERIOD, Array, Draws, Hand, Pace, Person, journey
-from suites.robot.operators.recording import Recording, Scripted, Take, drag
+from suites.robot import constants, tasks
+from suites.robot.demonstrators.human_motion import MOUSE, PERIOD, Array, Draws, Hand, Pace, Person, journey
+from suites.robot.demonstrators.planning import Routes
+from suites.robot.demonstrators.recording import Recording, ScriptedDemonstrator, Take, drag
 from suites.robot.servo import SUBSTEPS, WORKSPACE_HIGH, WORKSPACE_LOW, Rest
 from suites.robot.simulation import Camera, Simulation, pictured, stream
 from suites.robot.tasks import Motion, SafeManipulation
@@ -63,7 +63,7 @@ def starts(scatter: float | None, draws: Draws) -> Array | None:
 
 
 @dataclass(frozen=True)
-class SafeTeleoperation(Scripted):
+class SafeTeleoperation(ScriptedDemonstrator):
     """An expert with a mouse: goes round the cups, corrects, and rests above the bowl.
 
     Attributes:
@@ -90,7 +90,7 @@ class SafeTeleoperation(Scripted):
 
 
 @dataclass(frozen=True)
-class Wandering(Scripted):
+class Wandering(ScriptedDemonstrator):
     """Somebody who takes the arm from a random place to a random place over others, and minds neither cups nor bowl.
 
     Attributes:
@@ -138,7 +138,7 @@ DEFT = Care(distance=0.028, berth=0.01, careless=0.008, short=0.008)
 
 
 @dataclass(frozen=True)
-class HandTrack(Scripted):
+class HandTrack(ScriptedDemonstrator):
     """An expert's bare hand, anywhere on the table: no arm limits it, and there are no actions.
 
     Attributes:
@@ -175,5 +175,5 @@ class HandTrack(Scripted):
             before, here = here, hand.follow(way.intention.at((step + 1) * PERIOD))
             path = before[:, None] + share * (here - before)[:, None]
             codes = task.judge(Motion(path, None, None, rest.update(here), none, none))
-            recording.add(nothing, camera.read(pictured(path)).astype(np.float32), outcomes.named(codes))
+            recording.add(nothing, camera.read(pictured(path)).astype(np.float32), tasks.outcome_names(codes))
         return recording.stopped(lengths)

@@ -15,10 +15,10 @@ from lfobench.contract.suite import Operator
 from lfobench.errors import UserError
 from lfobench.stats.successes import wilson_interval
 from suites.robot import constants, tasks
-from suites.robot.operators import demonstrator, operators
-from suites.robot.operators.hitting import Hitting
-from suites.robot.operators.manipulation import SafeTeleoperation
-from suites.robot.operators.recording import SUCCESS, Take
+from suites.robot.demonstrators import demonstrator, demonstrators
+from suites.robot.demonstrators.hitting import Hitting
+from suites.robot.demonstrators.manipulation import SafeTeleoperation
+from suites.robot.demonstrators.recording import SUCCESS, Take
 from suites.robot.simulation import Simulation
 from tools import airhockey_measure as measure
 
@@ -30,7 +30,7 @@ OBSERVATION = {
     "puck-striking": 4,
     "dynamic-hitting": 14,
 }
-ALL = [(environment, level) for environment, levels in operators().items() for level in levels]
+ALL = [(environment, level) for environment, levels in demonstrators().items() for level in levels]
 every = pytest.mark.parametrize(("environment", "level"), [pair for pair in ALL if "repeated" not in pair[1]])
 
 
@@ -226,7 +226,7 @@ def test_an_unknown_name_is_told() -> None:
 
 
 def test_the_measured_table_has_a_line_per_operator(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure, "operators", lambda: {"puck-striking": operators()["puck-striking"]})
+    monkeypatch.setattr(measure, "demonstrators", lambda: {"puck-striking": demonstrators()["puck-striking"]})
     heading, expert, suboptimal = measure.lines(20, 0)
     assert "success" in heading
     assert expert.split()[:3] == ["puck-striking", "expert", "20"]
@@ -234,8 +234,8 @@ def test_the_measured_table_has_a_line_per_operator(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_interval_is_wilsons(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = operators()
-    monkeypatch.setattr(measure, "operators", lambda: {"puck-striking": known["puck-striking"]})
+    known = demonstrators()
+    monkeypatch.setattr(measure, "demonstrators", lambda: {"puck-striking": known["puck-striking"]})
     for line in list(measure.lines(20, 0))[1:]:
         found = re.match(r"\S+ +\S+ +20 +(\S+) +(\S+) to (\S+) ", line)
         assert found is not None

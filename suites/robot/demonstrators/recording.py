@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from lfobench.contract.episodes import Episodes, FloatArray
 from lfobench.text import content_hash
-from suites.robot import constants, outcomes
-from suites.robot.operators.human_motion import PERIOD, Draws, Hand, Integers, Journey, Person
+from suites.robot import constants, tasks
+from suites.robot.demonstrators.human_motion import PERIOD, Draws, Hand, Integers, Journey, Person
 from suites.robot.servo import clipped_action
 from suites.robot.simulation import Simulation
 
 Names = NDArray[np.object_]
-SUCCESS = outcomes.NAMES[outcomes.SUCCESS]
+SUCCESS = tasks.OUTCOMES[tasks.SUCCESS]
 
 
 def scored(outcome: Names, touched: NDArray[np.bool_], score: Literal["touch", "hit"]) -> Names:
@@ -98,7 +98,7 @@ VERSION = 1
 
 
 @dataclass(frozen=True)
-class Scripted(ABC):
+class ScriptedDemonstrator(ABC):
     """An operator whose fields decide what it records."""
 
     @abstractmethod

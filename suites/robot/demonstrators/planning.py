@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suites.robot import constants, tasks
+from suites.robot.demonstrators.human_motion import PERIOD, Array, Draws, Integers
 from suites.robot.model import TILT_ACCELERATION
-from suites.robot.operators.human_motion import PERIOD, Array, Draws, Integers
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW
 
 CORNERS = 12

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from suites.robot import constants, tasks
-from suites.robot.operators.foresight import around, choose, folded
-from suites.robot.operators.human_motion import MOUSE, QUICK_HAND, Array, Draws, Pace, Person, journey
-from suites.robot.operators.recording import Scripted, Take, drag
+from suites.robot.demonstrators.human_motion import MOUSE, QUICK_HAND, Array, Draws, Pace, Person, journey
+from suites.robot.demonstrators.planning import around, choose, folded
+from suites.robot.demonstrators.recording import ScriptedDemonstrator, Take, drag
 from suites.robot.simulation import Simulation
 from suites.robot.tasks import PuckStriking
 
@@ -22,7 +22,7 @@ SWINGING = Pace(haste=(0.6, 1.1), blend=0.3, hesitation=0.2, rest=(0.4, 0.9))
 
 
 @dataclass(frozen=True)
-class SingleStrike(Scripted):
+class SingleStrike(ScriptedDemonstrator):
     """An expert: one efficient stroke from the start pose through the puck; every number ours.
 
     Attributes:
@@ -57,7 +57,7 @@ class SingleStrike(Scripted):
 
 
 @dataclass(frozen=True)
-class VagueSwings(Scripted):
+class VagueSwings(ScriptedDemonstrator):
     """Somebody who swings about in the puck's neighbourhood and seldom meets it; every number ours.
 
     Attributes:
