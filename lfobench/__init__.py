@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 from lfobench import shipped
 
 if TYPE_CHECKING:
-    from lfobench.api import export, load, plot, report, run, table
+    from lfobench.api import export, plot, report, run, table
+    from lfobench.records.frame import load
 
 __all__ = ["__version__", "export", "load", "plot", "report", "run", "table"]
 

@@ -27,7 +27,6 @@ from lfobench.errors import UserError, unknown_name
 from lfobench.files import write_text
 from lfobench.record import Failure, Record, Warning
 from lfobench.records.folder import RecordFolder, RecordsRead, read_failures, read_folder, select
-from lfobench.records.frame import load
 from lfobench.records.published import read_publication
 from lfobench.registry import give_method, is_place, load_method, load_suite, load_suites
 from lfobench.score import Statistic
@@ -52,7 +51,6 @@ __all__ = [
     "Selection",
     "export",
     "knobs",
-    "load",
     "outcomes",
     "plot",
     "report",

@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
@@ -25,7 +24,7 @@ class _StandIn(ModuleType):
         return getattr(_load(), name)
 
 
-class _Loaded(Loader):
+class _Loaded:
     """A module that is there already."""
 
     def __init__(self, module: ModuleType) -> None:
@@ -38,7 +37,7 @@ class _Loaded(Loader):
         module.__spec__ = self._spec  # which the import system has replaced
 
 
-class _Submodules(MetaPathFinder):
+class _Submodules:
     """Finds parts of torch that came with it: ``import torch.nn`` asks for its place only after that loaded it."""
 
     def find_spec(
@@ -46,7 +45,7 @@ class _Submodules(MetaPathFinder):
     ) -> ModuleSpec | None:
         if not fullname.startswith(f"{NAME}.") or (module := sys.modules.get(fullname)) is None:
             return None
-        return ModuleSpec(fullname, _Loaded(module))
+        return ModuleSpec(fullname, _Loaded(module))  # type: ignore[arg-type]  # importlib.abc takes long to import
 
 
 def install() -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import spec_from_file_location
 from pathlib import Path
@@ -19,7 +18,7 @@ HOME = Path(__file__).resolve().parent.parent
 PACKAGES = ("methods", "suites")
 
 
-class _ShippedFirst(MetaPathFinder):
+class _ShippedFirst:
     """Finds the packages next to lfobench, with the folders of their names on the path behind them."""
 
     def find_spec(

@@ -33,7 +33,6 @@ from types import (
 )
 from typing import Any
 
-import torch
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
@@ -49,7 +48,17 @@ SHIPPED = frozenset({"lfobench", *PACKAGES})
 SESSION = "<session>"
 """In the place of a file's name: a class that was typed into an interactive session."""
 
-_PLAIN = (bool, int, float, complex, str, bytes, NoneType, EllipsisType, range, torch.dtype, torch.device)
+_PLAIN = (bool, int, float, complex, str, bytes, NoneType, EllipsisType, range)
+
+
+@cache
+def _plain() -> tuple[type, ...]:
+    """Kinds of values that their own text stands for."""
+    import torch
+
+    return (*_PLAIN, torch.dtype, torch.device)
+
+
 _CONTAINERS = (list, tuple, deque, dict, MappingProxyType, set, frozenset)
 
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
@@ -212,7 +221,7 @@ def _typed(value: Any, where: str, seen: set[int]) -> Iterator[str]:
     Raises:
         UserError: for a value that no text stands for, so that nobody could notice when it changes.
     """
-    if isinstance(value, _PLAIN):
+    if isinstance(value, _plain()):
         yield repr(value)
     elif isinstance(value, ModuleType):
         yield f"module {value.__name__}"
@@ -283,7 +292,7 @@ def _typed_function(function: FunctionType, where: str, seen: set[int]) -> Itera
     else:
         yield from _neighbour(module)
         # What else a library's own functions keep is the library's.
-        kinds = (*_PLAIN, *_CONTAINERS, FunctionType, MethodType, type, partial)
+        kinds = (*_plain(), *_CONTAINERS, FunctionType, MethodType, type, partial)
         used = {name: value for name, value in used.items() if isinstance(value, kinds)}
     for name, value in sorted(used.items()):
         yield from (f"{name} {text}" for text in _typed(value, name, seen))

@@ -6,14 +6,15 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
-from torch import Tensor
 
 from lfobench.files import replacing
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 KEY = "lfobench"
 """The only key of a file's metadata; with several, their order and so the bytes would change from run to run."""
@@ -29,6 +30,8 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], about: Mapping[str,
     Raises:
         UserError: when the disk refuses.
     """
+    from safetensors.torch import save_file
+
     contiguous = {name: tensors[name].detach().cpu().contiguous() for name in sorted(tensors)}
     text = json.dumps(about, sort_keys=True)
     sealed = json.dumps({"about": text, "digest": _digest(contiguous, text)}, sort_keys=True)

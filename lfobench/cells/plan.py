@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from lfobench.cells.cell import Cell, Protocol, Run, check_precision, configure, load_protocol
 from lfobench.cells.names import chosen_methods, chosen_tasks, parse_assignments, parse_seeds
@@ -136,6 +138,19 @@ def _check_actions(cell: Cell) -> None:
             f"{cell.method.name} needs expert actions, and the demonstrations of {cell.task.name} have none.",
             "Leave the method or the task out: --methods, --tasks.",
         )
+
+
+DRIVERS = tuple(map(Path, ("/dev/nvidiactl", "/dev/kfd", "/dev/dxg")))
+"""Devices of which Linux has one where torch can find a GPU."""
+
+
+def cuda_is_available() -> bool:
+    """Whether torch finds a GPU; without a driver nobody needs to load torch to know."""
+    if sys.platform == "linux" and not any(driver.exists() for driver in DRIVERS):
+        return False
+    import torch
+
+    return torch.cuda.is_available()
 
 
 def choose_device(name: str, cuda_available: Callable[[], bool]) -> str:

@@ -7,6 +7,7 @@ import sys
 
 import typer
 
+from lfobench import lazy_torch
 from lfobench.cli import (
     audit,
     check,
@@ -54,10 +55,16 @@ app.command(name="audit")(audit.audit)
 app.command(name="plan")(plan_seeds.plan)
 
 
+READING = {"ls", "show", "status", "why", "data"}
+"""Commands that load methods or the engine, whose files import torch, and need nothing of it."""
+
+
 def main() -> None:
     """Entry point of ``lfobench``: a user's mistake is one line and exit code 2, never a traceback."""
     # One thread per process: seeds are spread over processes, and a second busy thread only slows the first.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    if sys.argv[1:2] and (sys.argv[1] in READING or "--dry-run" in sys.argv):
+        lazy_torch.install()
     try:
         with guarded_streams():
             app()

@@ -21,7 +21,7 @@ from lfobench.schedule.jobs import Forecast, Needs, Schedule
 from lfobench.text import counted
 
 
-def show(schedule: Schedule, expected: Forecast, out: Path) -> None:
+def show(schedule: Schedule, out: Path) -> None:
     """Print the plan: a row per task, a column per method, what is done of each cell."""
     plan = schedule.plan
     methods = list(dict.fromkeys(cell.method.name for cell in plan.cells))
@@ -37,7 +37,6 @@ def show(schedule: Schedule, expected: Forecast, out: Path) -> None:
         counts = (f"{done[cell]}/{wanted[cell]}" if wanted[cell] else "" for cell in cells)
         table.add_row(escape(task.name), *counts, *([lack] if any(lacking) else []))
     output.print(table)
-    warn(expected.warnings)
     protocol = plan.protocol
     reason = f" ({plan.protocol_reason})" if plan.protocol_reason else ""
     output.print(f"protocol  {protocol.name}{reason}: {protocol.summary}")
@@ -62,12 +61,16 @@ def show(schedule: Schedule, expected: Forecast, out: Path) -> None:
     if absent := absent_files(plan.tasks):
         names = ", ".join(file.name for file in absent)
         output.print(f"files     {counted(len(absent), 'file')} to fetch: {escape(names)}", soft_wrap=True)
+
+
+def show_forecast(schedule: Schedule, expected: Forecast) -> None:
+    """Print how much is left to do, and for how long; warnings first."""
+    warn(expected.warnings)
     if schedule.pending:
-        output.print(
-            f"to do     {len(schedule.pending)} of {len(plan.runs)} runs, about {duration(expected.total_seconds)}"
-        )
+        left = f"{len(schedule.pending)} of {len(schedule.plan.runs)} runs"
+        output.print(f"to do     {left}, about {duration(expected.total_seconds)}")
     else:
-        output.print(f"to do     nothing: all {len(plan.runs)} runs are done")
+        output.print(f"to do     nothing: all {len(schedule.plan.runs)} runs are done")
 
 
 def scaled_actions(tasks: Sequence[Task]) -> dict[str, ActionBox]:

@@ -52,14 +52,16 @@ def run(
     plan = resolve(wanted, choices_in(out, tuned, grid))
     read = read_folder(out)
     warn(read.warnings)
+    todo = arranged(plan, read, out, workers, rerun)
+    if not as_json:
+        planned.show(todo, out)
     with errors.status("Measuring this machine…"):
-        todo = arranged(plan, read, out, workers, rerun)
         todo = todo if dry_run else within_memory(todo, workers)
         expected = forecast(todo)
     if as_json:
         print_json(planned.as_json(todo, expected))
     else:
-        planned.show(todo, expected, out)
+        planned.show_forecast(todo, expected)
         if todo.again:
             done = counted(len(todo.again), "run")
             output.print(f"rerun     {done} done before, to be set aside in {escape(str(out / ASIDE))}", soft_wrap=True)

@@ -71,12 +71,14 @@ def tune(
     found = searches(plan, wanted)
     trials = replace(plan, cells=tuple(trial for search in found for trial in search.trials(starts)))
     folder = TuningFolder(out)
+    todo = arranged(trials, _finished(folder.trials, trials), folder.trials.root, workers)
+    if not as_json:
+        planned.show(todo, folder.trials.root)
     with errors.status("Measuring this machine…"):
-        finished = _finished(folder.trials, trials)
-        todo = within_memory(arranged(trials, finished, folder.trials.root, workers), workers)
+        todo = todo if dry_run else within_memory(todo, workers)
         expected = forecast(todo)
     if not as_json:
-        planned.show(todo, expected, folder.trials.root)
+        planned.show_forecast(todo, expected)
     elif dry_run:
         print_json(planned.as_json(todo, expected))
     if dry_run:

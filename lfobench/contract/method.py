@@ -20,13 +20,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
-import torch
 from pydantic import BaseModel, ConfigDict, PositiveInt, Strict
 
-from lfobench.randomness import StepRandomness
-
 if TYPE_CHECKING:
+    import torch
     from torch import Tensor
+
+    from lfobench.randomness import StepRandomness
 
 Field = Literal[
     "observation",

@@ -10,11 +10,10 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
+from typing import TYPE_CHECKING, TypeAlias, get_args
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from lfobench.contract.episodes import IntArray
 from lfobench.contract.method import Batch, DataNeeds, Field, Method, Shapes, Sizes
@@ -22,7 +21,10 @@ from lfobench.data.boundaries import Rows
 from lfobench.data.mixing import Mixture, ObservationTransform
 from lfobench.randomness import Randomness
 
-Column = tuple[Tensor, Tensor | None]
+if TYPE_CHECKING:
+    from torch import Tensor
+
+Column: TypeAlias = "tuple[Tensor, Tensor | None]"
 
 
 class FirewallError(Exception):

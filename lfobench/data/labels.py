@@ -12,11 +12,10 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from lfobench.contract.episodes import BoolArray, IntArray
 from lfobench.contract.method import DataNeeds, Method, Trajectories
@@ -26,6 +25,9 @@ from lfobench.errors import UserError
 from lfobench.randomness import Randomness
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
 from lfobench.text import content_hash
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 FORMAT = 1
 LABEL = "label"
@@ -154,8 +156,8 @@ def _ranges(first: IntArray, lengths: IntArray) -> IntArray:
 
 def _check(method: type[Method], labels: object, transitions: int, seeds: int) -> None:
     shapes = ((transitions,), (seeds, transitions))
-    if not isinstance(labels, Tensor) or tuple(labels.shape) not in shapes:
-        found = f"of shape {list(labels.shape)}" if isinstance(labels, Tensor) else f"a {type(labels).__name__}"
+    if not isinstance(labels, torch.Tensor) or tuple(labels.shape) not in shapes:
+        found = f"of shape {list(labels.shape)}" if isinstance(labels, torch.Tensor) else f"a {type(labels).__name__}"
         raise UserError(
             f"Method '{method.name}': `prepare` returned {found}; a tensor {list(shapes[0])} or {list(shapes[1])} "
             "has one label per offline transition.",

@@ -9,7 +9,7 @@ from typing import Any
 from lfobench.cells.cell import Protocol
 from lfobench.cells.names import chosen_tasks
 from lfobench.cells.parts import PartRequest, build_command, requests
-from lfobench.cells.plan import choose_protocol
+from lfobench.cells.plan import choose_protocol, cuda_is_available
 from lfobench.cells.sources import check_here, choose_source, read_from, spelled
 from lfobench.contract.suite import Suite, Task
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
@@ -92,12 +92,11 @@ def asked_data(suite: str, tasks: str | None, protocol: str, source: str) -> Ask
     Raises:
         UserError: an unknown name, or a file of the user's that is not there.
     """
-    import torch
 
     loaded, cache = load_suite(suite), cache_folder()
     name, own = choose_source(source, loaded)
     chosen = chosen_tasks(loaded, tasks)
-    budget, _ = choose_protocol(protocol, "cuda" if torch.cuda.is_available() else "cpu")
+    budget, _ = choose_protocol(protocol, "cuda" if cuda_is_available() else "cpu")
     return AskedData(suite, loaded, tuple(read_from(chosen, name, own, Library(cache).find)), name, budget, cache)
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
 
 import torch
-from torch import Tensor
 
 from lfobench.contract.method import Batch, Stage
 from lfobench.data.firewall import Table, View
 from lfobench.randomness import Randomness
 
-Draw = Callable[[Tensor], Tensor]
+if TYPE_CHECKING:
+    from torch import Tensor
+
+Draw: TypeAlias = "Callable[[Tensor], Tensor]"
 
 
 class Draws:

@@ -9,14 +9,17 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from pydantic import BaseModel, ConfigDict
-from torch import Tensor
 
 from lfobench.engine.state import SeedState
 from lfobench.record import Evaluation, Metrics
 from lfobench.tensor_files import DamagedFile, read_tensors, write_tensors
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 METRIC_SUM = "metric sum: "
 SECONDS_BETWEEN = 120.0

@@ -5,13 +5,12 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import gymnasium
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from lfobench.cells.cell import Cell, Starts
 from lfobench.contract.environment import ActionBox, Environment
@@ -19,6 +18,9 @@ from lfobench.contract.episodes import FloatArray
 from lfobench.contract.method import Method
 from lfobench.contract.suite import Task
 from lfobench.data.mixing import ObservationTransform
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from lfobench.cells.cell import Cell
 from lfobench.contract.method import Shapes
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.evaluation import EpisodeResults, Evaluator, fixed_starts
-from lfobench.engine.state import CPU, MethodState, SeedState
+from lfobench.engine.state import MethodState, SeedState, host
 from lfobench.processes import die_with_parent, interrupts_held
 from lfobench.registry import load_suite
 from lfobench.source_code import check_unchanged
@@ -153,7 +153,7 @@ def _work(pipe: Connection, suite: str, assignment: bytes) -> None:
 def _serve(pipe: Connection, assignment: Assignment) -> None:
     check_unchanged(assignment.cell.method, assignment.cell.code)
     cell, seeds = assignment.cell, assignment.seeds[assignment.first : assignment.last]
-    method = cell.method(cell.config, assignment.shapes, seeds, CPU)
+    method = cell.method(cell.config, assignment.shapes, seeds, host())
     state = MethodState.of(method, assignment.shapes, len(seeds))
     evaluator = Evaluator(cell.task, assignment.transform, len(seeds), fixed_starts(cell), cell.starts)
     while True:
@@ -165,7 +165,7 @@ def _serve(pipe: Connection, assignment: Assignment) -> None:
                 for arrays, values in share
             ]
         )
-        results = evaluator.evaluate(method, CPU)
+        results = evaluator.evaluate(method, host())
         pipe.send(Part(results, time.perf_counter() - started))
 
 

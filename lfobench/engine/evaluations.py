@@ -14,7 +14,7 @@ from lfobench.engine.checkpoint import Progress
 from lfobench.engine.evaluation import Evaluator, final_starts, fixed_starts
 from lfobench.engine.evaluation_workers import EvaluationWorkers
 from lfobench.engine.logging import log_evaluation, log_final_evaluation
-from lfobench.engine.state import CPU, MethodState
+from lfobench.engine.state import MethodState, host
 from lfobench.record import Evaluation
 
 
@@ -44,7 +44,7 @@ class Evaluations:
         if self._workers is not None:
             # One at a time: a queue of snapshots would only hide that evaluation is the bottleneck.
             self.collect(progress, wait=True)
-            self._workers.submit(progress.step, state.capture(CPU))
+            self._workers.submit(progress.step, state.capture(host()))
             return
         started = time.perf_counter()
         log_evaluation(progress, progress.step, self._evaluator.evaluate(method, self._device))

@@ -22,7 +22,7 @@ from lfobench.data.source import TaskData, load_task
 from lfobench.engine import checkpoint
 from lfobench.engine.policy import save_policy
 from lfobench.engine.provenance import package_versions, provenance
-from lfobench.engine.state import CPU, MethodState, StateError
+from lfobench.engine.state import MethodState, StateError, host
 from lfobench.engine.training import Advance, Trainer
 from lfobench.files import Held, locked, writable_folder
 from lfobench.processes import keep_freed_memory
@@ -185,7 +185,7 @@ def _fitting(run: Run, shapes: Shapes, saved: checkpoint.Checkpoint | None) -> c
     """A checkpoint that a method of this seed takes; None, so that the seed starts afresh, where it does not."""
     if saved is None:
         return None
-    trial = run.cell.method(run.cell.config, shapes, [run.seed], CPU)
+    trial = run.cell.method(run.cell.config, shapes, [run.seed], host())
     try:
         MethodState.of(trial, shapes, 1).restore([saved.state])
     except StateError:

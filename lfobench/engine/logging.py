@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-
-from torch import Tensor
+from typing import TYPE_CHECKING
 
 from lfobench.engine.checkpoint import Progress
 from lfobench.engine.evaluation import EpisodeResults
 from lfobench.record import Evaluation, Metrics
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 def log_evaluation(progress: Progress, step: int, results: EpisodeResults) -> None:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import torch
-from torch import Tensor
-from torch.utils._python_dispatch import TorchDispatchMode
-from torch.utils._pytree import tree_flatten
+
+if TYPE_CHECKING:
+    pass
 
 # Libraries, allocators and graphs take more than the tensors themselves.
 MARGIN = 1.5
@@ -34,47 +33,6 @@ class Footprint:
     def total(self, seeds: int) -> int:
         """Of that many seeds together, with a margin."""
         return round(MARGIN * (self.fixed + seeds * self.per_seed))
-
-
-class _Peak(TorchDispatchMode):
-    """Follows the tensors that operations make: bytes alive now, and at most."""
-
-    def __init__(self) -> None:
-        super().__init__()  # type: ignore[no-untyped-call]
-        self.now = self.most = 0
-        self._known: set[int] = set()
-
-    def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
-        for given in tree_flatten((args, kwargs))[0]:
-            if isinstance(given, Tensor):
-                self._follow(given.untyped_storage(), 0)
-        out = func(*args, **(kwargs or {}))
-        for made in tree_flatten(out)[0]:
-            if isinstance(made, Tensor):
-                self._follow(made.untyped_storage(), made.untyped_storage().nbytes())
-        return out
-
-    def _follow(self, storage: torch.UntypedStorage, size: int) -> None:
-        key = storage._cdata
-        if key in self._known:
-            return
-        self._known.add(key)
-        self.now += size
-        self.most = max(self.most, self.now)
-        # Also of what was given: a later tensor may get its place.
-        weakref.finalize(storage, self._drop, key, size)
-
-    def _drop(self, key: int, size: int) -> None:
-        self._known.discard(key)
-        self.now -= size
-
-
-def peak_bytes(work: Callable[[], object]) -> int:
-    """The most that the tensors made by `work` take at once; what it was given does not count."""
-    peak = _Peak()
-    with peak:
-        work()
-    return peak.most
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from lfobench.contract.method import DataNeeds, Method, Metrics, Shapes, Stage, Trajectories
@@ -26,18 +25,21 @@ from lfobench.data.firewall import FirewallError, View, check_declaration
 from lfobench.engine.batches import RunningStep, StageSampler
 from lfobench.engine.probe import random_view
 from lfobench.engine.state import (
-    CPU,
     MethodState,
     SeedState,
     StateError,
     StateLayout,
     held_tensors,
+    host,
     live_tensors,
     state_layout,
 )
 from lfobench.errors import UserError
 from lfobench.randomness import Randomness
 from lfobench.registry import declaration_faults
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 SHAPES = Shapes(observation=11, action=3)
 SEEDS = (7, 3, 11)
@@ -152,7 +154,7 @@ class _Check:
         check_declaration(self._class, self._needs)
         indicator = int(self._needs.termination == "absorbing")
         self._shapes = Shapes(self._raw.observation + indicator, self._raw.action)
-        self._view = random_view(self._needs, self._shapes, CPU, ROWS)
+        self._view = random_view(self._needs, self._shapes, host(), ROWS)
         return None
 
     def layout(self) -> str | None:
@@ -201,7 +203,7 @@ class _Check:
         for stage in self._stages(method):
             found = self._updated(method, SEEDS, stage, 0, 1)
             for name, value in found.items():
-                if not isinstance(value, Tensor):
+                if not isinstance(value, torch.Tensor):
                     raise _Broken(f"'{name}' is a {type(value).__name__} and no tensor")
                 if tuple(value.shape) != (len(SEEDS),):
                     raise _Broken(f"'{name}' has shape {list(value.shape)} for {len(SEEDS)} seeds")
@@ -217,8 +219,8 @@ class _Check:
         for rows in (1, PROBES):
             action = self._acted(method, SEEDS, rows)
             expected = (len(SEEDS), rows, self._shapes.action)
-            if not isinstance(action, Tensor) or tuple(action.shape) != expected:
-                found = list(action.shape) if isinstance(action, Tensor) else type(action).__name__
+            if not isinstance(action, torch.Tensor) or tuple(action.shape) != expected:
+                found = list(action.shape) if isinstance(action, torch.Tensor) else type(action).__name__
                 raise _Broken(f"`act` returns {found} where {list(expected)} is due")
             if not torch.isfinite(action).all():
                 raise _Broken("an action is not finite")
@@ -291,7 +293,7 @@ class _Check:
         return None
 
     def _built(self, seeds: Sequence[int]) -> Method:
-        return self._class(self._config, self._shapes, seeds, CPU)
+        return self._class(self._config, self._shapes, seeds, host())
 
     def _stages(self, method: Method) -> Sequence[Stage]:
         stages = method.stages(self._view.sizes)

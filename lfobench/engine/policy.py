@@ -13,7 +13,7 @@ from lfobench.contract.episodes import FloatArray
 from lfobench.contract.method import Method, Shapes
 from lfobench.data.firewall import View
 from lfobench.data.mixing import ObservationTransform
-from lfobench.engine.state import CPU, MethodState, SeedState, StateError
+from lfobench.engine.state import MethodState, SeedState, StateError, host
 from lfobench.errors import UserError
 from lfobench.record import Record
 from lfobench.records.folder import RecordFolder
@@ -61,7 +61,7 @@ def save_policy(path: Path, record: Record, method: type[Method], trained: Metho
     Raises:
         UserError: when the disk refuses.
     """
-    state = trained.capture(CPU)[index]
+    state = trained.capture(host())[index]
     transform, shapes = seen.transform, seen.shapes
     kept = _acting(method, record, shapes, transform, state)
     tensors = {**kept.tensors, SHIFT: torch.from_numpy(transform.shift), SCALE: torch.from_numpy(transform.scale)}
@@ -120,7 +120,7 @@ def _restored(known: type[Method], record: Record, shapes: Shapes, state: SeedSt
         config = known.Config.model_validate(record.identity["config"])
     except ValidationError as error:
         raise ValueError(f"{record.method} does not know its configuration any more") from error
-    method: Method = known(config, shapes, [record.seed], CPU)
+    method: Method = known(config, shapes, [record.seed], host())
     MethodState.of(method, shapes, 1).restore([state], whole=False)
     return method
 

@@ -9,26 +9,30 @@ from __future__ import annotations
 import itertools
 import statistics
 import time
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 import torch
-from torch import Tensor
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_flatten
 
 from lfobench.cells.cell import Cell
 from lfobench.contract.method import DataNeeds, Field, Method, Shapes, Sizes, Stage
 from lfobench.contract.suite import Environment, FloatArray, Operator
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
-from lfobench.engine.memory import Footprint, peak_bytes
+from lfobench.engine.memory import Footprint
 from lfobench.engine.program import Program, recorder_for
-from lfobench.engine.state import live_tensors
+from lfobench.engine.state import host, live_tensors
 from lfobench.randomness import Randomness
 
-CPU = torch.device("cpu")
+if TYPE_CHECKING:
+    from torch import Tensor
+
 PROBE_ROWS = 4096
 WORLDS = 16
 PROBE_SECONDS = 0.05
@@ -38,6 +42,47 @@ RECORDED = 4
 DEMONSTRATION = 1.5
 """A generated transition over a simulator's step: the demonstrator's own computation, found between 1.0 and 2.1."""
 CALLS_PER_BLOCK = 4
+
+
+class _Peak(TorchDispatchMode):
+    """Follows the tensors that operations make: bytes alive now, and at most."""
+
+    def __init__(self) -> None:
+        super().__init__()  # type: ignore[no-untyped-call]
+        self.now = self.most = 0
+        self._known: set[int] = set()
+
+    def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        for given in tree_flatten((args, kwargs))[0]:
+            if isinstance(given, torch.Tensor):
+                self._follow(given.untyped_storage(), 0)
+        out = func(*args, **(kwargs or {}))
+        for made in tree_flatten(out)[0]:
+            if isinstance(made, torch.Tensor):
+                self._follow(made.untyped_storage(), made.untyped_storage().nbytes())
+        return out
+
+    def _follow(self, storage: torch.UntypedStorage, size: int) -> None:
+        key = storage._cdata
+        if key in self._known:
+            return
+        self._known.add(key)
+        self.now += size
+        self.most = max(self.most, self.now)
+        # Also of what was given: a later tensor may get its place.
+        weakref.finalize(storage, self._drop, key, size)
+
+    def _drop(self, key: int, size: int) -> None:
+        self._known.discard(key)
+        self.now -= size
+
+
+def peak_bytes(work: Callable[[], object]) -> int:
+    """The most that the tensors made by `work` take at once; what it was given does not count."""
+    peak = _Peak()
+    with peak:
+        work()
+    return peak.most
 
 
 @dataclass(frozen=True)
@@ -79,7 +124,7 @@ class Prober:
             programs = _programs(cell, shapes, seeds, self._device)
             seconds = {name: _seconds_per_call(update, self._device) for name, update, _ in programs}
             # For its stages alone; those that were timed release their memory.
-            self._steps[key] = cell.method(cell.config, shapes, [0], CPU), seconds
+            self._steps[key] = cell.method(cell.config, shapes, [0], host()), seconds
         method, seconds = self._steps[key]
         steps = protocol.steps_for(cell.task)
         training = sum(
@@ -113,7 +158,7 @@ class Prober:
             torch.set_num_threads(1)
             self._seed_bytes[key] = max(
                 sum(tensor.nbytes for tensor in live_tensors(method).values()) + peak_bytes(update)
-                for _, update, method in _programs(cell, shapes, 1, CPU)
+                for _, update, method in _programs(cell, shapes, 1, host())
             )
         return Footprint(fixed=data, per_seed=self._seed_bytes[key])
 

@@ -12,10 +12,9 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import torch
-from torch import Tensor
 
 from lfobench.cells.cell import Precision, effective
 from lfobench.contract.method import Method, Stage
@@ -24,6 +23,9 @@ from lfobench.engine.batches import RunningStep, StageSampler
 from lfobench.engine.state import live_tensors, plain_values
 from lfobench.randomness import Randomness
 from lfobench.record import Warning
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 # As /proc/cpuinfo names them on x86 and on ARM.
 BF16_UNITS = ("avx512_bf16", "amx_bf16", "bf16")

@@ -19,19 +19,26 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import partial
+from functools import cache, partial
 from pathlib import PurePath
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from pydantic import BaseModel
-from torch import Tensor
 
 from lfobench.contract.method import Method, Shapes
 
-CPU = torch.device("cpu")
+if TYPE_CHECKING:
+    from torch import Tensor
+
+
+def host() -> torch.device:
+    """The CPU, which every machine has; a function, because a constant would load torch for commands that only read."""
+    return torch.device("cpu")
+
+
 PLAIN = (bool, int, float, str, type(None))
 PER_SEED = "*"
 """The place of a seed's index in the name of what a list holds for each seed."""
@@ -53,15 +60,20 @@ CONSTANTS = (
     partial,
     re.Pattern,
     weakref.ref,
-    torch.device,
-    torch.dtype,
-    torch.layout,
-    torch.memory_format,
 )
 """Kinds of objects that training does not change."""
 
-# The attributes of torch's own classes that are not state: caches, hooks, and what is walked by another way.
-_OF_MODULES = set(vars(torch.nn.Module())) - {"training"}
+
+@cache
+def constants() -> tuple[Any, ...]:
+    """The same, with torch's own."""
+    return (*CONSTANTS, torch.device, torch.dtype, torch.layout, torch.memory_format)
+
+
+@cache
+def _of_modules() -> set[str]:
+    """The attributes of torch's modules that are not state: caches, hooks, and those that are walked otherwise."""
+    return set(vars(torch.nn.Module())) - {"training"}
 
 
 class StateError(Exception):
@@ -120,7 +132,7 @@ class _Walk:
         """Walk `value`, which `put` replaces."""
         if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
             value = torch.from_numpy(value)
-        if isinstance(value, Tensor):
+        if isinstance(value, torch.Tensor):
             self.tensor(name, value)
         elif isinstance(value, PLAIN):
             self.leaves[name] = _Leaf(name, value, put)
@@ -129,7 +141,7 @@ class _Walk:
             self.leaves[name] = _Leaf(name, value.item(), lambda new: put(number(new)))
         elif isinstance(value, torch.Generator):
             self.leaves[name] = _Leaf(name, value.get_state(), _generator_setter(value))
-        elif isinstance(value, CONSTANTS) or (callable(value) and not hasattr(value, "__dict__")):
+        elif isinstance(value, constants()) or (callable(value) and not hasattr(value, "__dict__")):
             return
         elif isinstance(value, (list, tuple)) and all(isinstance(each, PLAIN) for each in value):
             if (kind := type(value)) in (list, tuple):  # a named tuple or a size is a constant
@@ -196,7 +208,7 @@ class _Walk:
             for key, each in parts.items():
                 if each is not None:
                     self.visit(_joined(name, key), each, _attribute_setter(module, key))
-        own = {key: each for key, each in vars(module).items() if key not in _OF_MODULES}
+        own = {key: each for key, each in vars(module).items() if key not in _of_modules()}
         self.attributes(name, module, own)
 
     def _optimizer(self, name: str, optimizer: torch.optim.Optimizer) -> list[tuple[str, Tensor]]:
@@ -243,7 +255,7 @@ def held_tensors(method: Method) -> dict[str, Tensor]:
     """Every tensor that a method holds, whatever a `state` of its own returns."""
     walk = _Walk()
     walk.attributes("", method, {name: value for name, value in vars(method).items() if name != "config"})
-    return {name: leaf.value for name, leaf in walk.finish().leaves.items() if isinstance(leaf.value, Tensor)}
+    return {name: leaf.value for name, leaf in walk.finish().leaves.items() if isinstance(leaf.value, torch.Tensor)}
 
 
 def _walked(method: Method) -> _Walked:
@@ -259,7 +271,7 @@ def _walked(method: Method) -> _Walked:
 
 def live_tensors(method: Method) -> dict[str, Tensor]:
     """Every tensor that a method's state is made of, by name: ``policy.network``, ``value_optimizer.exp_avg``."""
-    return {name: leaf.value for name, leaf in _walked(method).leaves.items() if isinstance(leaf.value, Tensor)}
+    return {name: leaf.value for name, leaf in _walked(method).leaves.items() if isinstance(leaf.value, torch.Tensor)}
 
 
 def plain_values(method: Method) -> dict[str, Any]:
@@ -267,7 +279,7 @@ def plain_values(method: Method) -> dict[str, Any]:
     return {
         name: copy.deepcopy(leaf.value)
         for name, leaf in _walked(method).leaves.items()
-        if not isinstance(leaf.value, Tensor)
+        if not isinstance(leaf.value, torch.Tensor)
     }
 
 
@@ -308,7 +320,7 @@ def state_layout(method: type[Method], config: Any, shapes: Shapes) -> StateLayo
     Raises:
         StateError: a tensor that is neither the same for all seeds nor has rows for each of them.
     """
-    one, two = (_walked(method(config, shapes, seeds, CPU)) for seeds in ((0,), (0, 1)))
+    one, two = (_walked(method(config, shapes, seeds, host())) for seeds in ((0,), (0, 1)))
     lists = frozenset(name for name, length in one.lengths.items() if (length, two.lengths.get(name)) == (1, 2))
     layout = StateLayout(lists)
     single = {layout.place(name)[0]: leaf for name, leaf in one.leaves.items()}
@@ -318,7 +330,7 @@ def state_layout(method: type[Method], config: Any, shapes: Shapes) -> StateLayo
             f"'{min(differing)}' exists with {'one seed' if min(differing) in single else 'two seeds'} only; "
             "hold one thing for all seeds, or a list with one per seed"
         )
-    tensors = {name: leaf for name, leaf in single.items() if isinstance(leaf.value, Tensor)}
+    tensors = {name: leaf for name, leaf in single.items() if isinstance(leaf.value, torch.Tensor)}
     stacked = set()
     for name, leaf in tensors.items():
         if leaf.value.shape == double[name].value.shape:
@@ -365,7 +377,7 @@ class MethodState:
         states = [SeedState() for _ in range(self._seeds)]
         for name, seed, leaf in self._leaves():
             value = leaf.value
-            if isinstance(value, Tensor):
+            if isinstance(value, torch.Tensor):
                 value = value.detach().to(device or value.device, copy=True)
                 for index in range(self._seeds) if seed is None else (seed,):
                     states[index].tensors[name] = value if seed is not None else self._share(name, value, index)
@@ -393,7 +405,7 @@ class MethodState:
             if name not in saved and not whole:
                 continue
             try:
-                if isinstance(leaf.value, Tensor):
+                if isinstance(leaf.value, torch.Tensor):
                     leaf.put(self._assembled(name, seed, [state.tensors for state in states], leaf.value))
                 else:
                     value = self._assembled_value(name, seed, [state.values for state in states])
@@ -410,7 +422,7 @@ class MethodState:
         flags: list[list[Tensor]] = [[] for _ in range(self._seeds)]
         rows: list[Tensor] = []
         for name, seed, leaf in self._leaves():
-            if not isinstance(leaf.value, Tensor) or not leaf.value.is_floating_point():
+            if not isinstance(leaf.value, torch.Tensor) or not leaf.value.is_floating_point():
                 continue
             if name in self._layout.infinite:
                 continue
@@ -429,7 +441,7 @@ class MethodState:
     def _leaves(self) -> Iterator[tuple[str, int | None, _Leaf]]:
         for leaf in _walked(self.method).leaves.values():
             name, seed = self._layout.place(leaf.name)
-            known = self._layout.tensors if isinstance(leaf.value, Tensor) else self._layout.values
+            known = self._layout.tensors if isinstance(leaf.value, torch.Tensor) else self._layout.values
             if "@" not in name and name not in known:
                 raise StateError(f"'{leaf.name}' began to exist during training; create it in __init__")
             yield name, seed, leaf

@@ -21,7 +21,7 @@ from lfobench.engine.checkpoint import Checkpoint, Checkpoints, Progress, joined
 from lfobench.engine.evaluations import Evaluations
 from lfobench.engine.logging import log_metrics, mark_diverged
 from lfobench.engine.program import Program, precision_warnings, recorder_for
-from lfobench.engine.state import CPU, MethodState
+from lfobench.engine.state import MethodState, host
 from lfobench.errors import UserError
 from lfobench.randomness import Randomness
 from lfobench.record import Evaluation, Warning
@@ -186,7 +186,7 @@ class Trainer:
 
     def _save(self, program: Program) -> None:
         self._evaluations.collect(self.progress, wait=True)
-        self._checkpoints.save(self.progress, self.state.capture(CPU), program.metric_sums())
+        self._checkpoints.save(self.progress, self.state.capture(host()), program.metric_sums())
 
     def _advance(self, stage: Stage) -> Advance:
         environment = self._cell.task.environment

@@ -6,24 +6,25 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import torch
+from typing import TYPE_CHECKING
 
 from lfobench.cells.cell import Run
 from lfobench.cells.parts import SHARD_TRANSITIONS, FilePart, PartRequest, requests
-from lfobench.cells.plan import Plan, Request, make_plan
+from lfobench.cells.plan import Plan, Request, cuda_is_available, make_plan
 from lfobench.contract.suite import Level, Operator
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.data.cache import PartCache
 from lfobench.data.library import Library
 from lfobench.data.remarks import unbounded_actions
 from lfobench.engine.job import Job
-from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
 from lfobench.files import cache_folder
 from lfobench.record import Warning
 from lfobench.records.folder import RecordsRead
 from lfobench.records.tuning import TuningFolder, with_choices
+
+if TYPE_CHECKING:
+    from lfobench.engine.probe import Prober
 
 IMPORT_SECONDS = 3.0
 """Reading a file of some hundred megabytes; a guess, next to hours of training."""
@@ -93,12 +94,10 @@ class Schedule:
 def resolve(wanted: Request, tuned_in: Path | None = None) -> Plan:
     """Names to cells, with the values chosen in the output folder `tuned_in` where one is given.
 
-    Torch is asked for CUDA only where it matters.
-
     Raises:
         UserError: for anything that does not exist or does not parse.
     """
-    plan = make_plan(wanted, torch.cuda.is_available, Library(cache_folder()).find)
+    plan = make_plan(wanted, cuda_is_available, Library(cache_folder()).find)
     return plan if tuned_in is None else with_choices(plan, wanted, TuningFolder(tuned_in))
 
 
@@ -161,7 +160,10 @@ class Forecast:
 
 def forecast(schedule: Schedule, prober: Prober | None = None) -> Forecast:
     """Estimate every job from a short probe of this machine; a method or simulator that fails in it is a warning."""
-    prober = prober or Prober(schedule.plan.device)
+    if prober is None:
+        from lfobench.engine.probe import Prober
+
+        prober = Prober(schedule.plan.device)
     problems: dict[str, str] = {}
     measured: list[float | None] = []
     for job in schedule.jobs:

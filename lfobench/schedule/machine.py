@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 
 from lfobench.cells.plan import Plan
 from lfobench.engine.job import Job
 from lfobench.engine.memory import Footprint, Memory, fitting_groups, fitting_together, memory_of
-from lfobench.engine.probe import Prober
 from lfobench.errors import UserError
 from lfobench.files import cache_folder
 from lfobench.processes import available_cores
@@ -22,6 +22,9 @@ from lfobench.record import Warning
 from lfobench.records.folder import RecordsRead
 from lfobench.schedule.jobs import Schedule, make_schedule
 from lfobench.source_code import in_session
+
+if TYPE_CHECKING:
+    from lfobench.engine.probe import Prober
 
 # Jobs that share a CUDA device: one keeps it busy, the others load, record and wait.
 LANES = 3
@@ -48,7 +51,7 @@ def arranged(plan: Plan, read: RecordsRead, out: Path, workers: int | None, reru
         UserError: for a run whose records contradict each other.
     """
     schedule = make_schedule(plan, read, out, cache_folder(), workers or available_cores(), rerun)
-    return packed(schedule, Prober(plan.device), UNKNOWN, available_cores(), workers)
+    return packed(schedule, None, UNKNOWN, available_cores(), workers)
 
 
 def within_memory(schedule: Schedule, workers: int | None) -> Schedule:
@@ -57,17 +60,19 @@ def within_memory(schedule: Schedule, workers: int | None) -> Schedule:
     Raises:
         UserError: for a simulator that cannot be made.
     """
+    from lfobench.engine.probe import Prober
+
     device = schedule.plan.device
     return packed(schedule, Prober(device), memory_of(torch.device(device)), available_cores(), workers)
 
 
-def packed(schedule: Schedule, prober: Prober, memory: Memory, cores: int, workers: int | None) -> Schedule:
+def packed(schedule: Schedule, prober: Prober | None, memory: Memory, cores: int, workers: int | None) -> Schedule:
     """The same work, arranged for the machine.
 
     Args:
         schedule: what is left to do.
-        prober: knows the sizes of jobs.
-        memory: of the device; where it is unknown, nothing is measured.
+        prober: knows the sizes of jobs; None where they do not matter.
+        memory: of the device.
         cores: of the processor.
         workers: jobs at once that the user asked for; None leaves the number to us.
     """
@@ -79,7 +84,7 @@ def packed(schedule: Schedule, prober: Prober, memory: Memory, cores: int, worke
     wanted = 1 if here_only and not on_cuda else workers or (LANES if on_cuda else cores)
     problems: dict[str, Warning] = {}
     footprints = [Footprint(0, 0) for _ in schedule.jobs]
-    if memory != UNKNOWN:
+    if prober is not None and memory != UNKNOWN:
         footprints = [_footprint(prober, job, on_cuda, problems) for job in schedule.jobs]
     jobs: list[Job] = []
     totals: list[int] = []

@@ -148,9 +148,10 @@ def around(centre: float, standard_error: float, degrees: float, level: float) -
     """The interval ``centre ± t · standard_error``, t the two-sided quantile with these degrees of freedom."""
     if standard_error == 0.0:
         return Interval(centre, centre, level)
-    from scipy.stats import t
+    # scipy.stats has the same quantile as t.isf, and takes four times as long to import.
+    from scipy.special import stdtrit
 
-    half_width = float(t.isf((1.0 - level) / 2.0, degrees)) * standard_error
+    half_width = -float(stdtrit(degrees, (1.0 - level) / 2.0)) * standard_error
     return Interval(centre - half_width, centre + half_width, level)
 
 
@@ -204,6 +205,6 @@ def _larger_p(room: float, standard_error: float, degrees: float) -> float:
     """The p-value of the one-sided test whose bound is nearer, `room` away from the difference."""
     if standard_error == 0.0:
         return 0.5 if room == 0.0 else float(room < 0.0)
-    from scipy.stats import t
+    from scipy.special import stdtr
 
-    return float(t.sf(room / standard_error, degrees))
+    return float(stdtr(degrees, -room / standard_error))

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from lfobench.engine.memory import Footprint, fitting_groups, fitting_together, memory_of, peak_bytes
+from lfobench.engine.memory import Footprint, fitting_groups, fitting_together, memory_of
+from lfobench.engine.probe import peak_bytes
 
 ROW = 4_000
 """Bytes of a thousand float32 numbers."""

@@ -12,8 +12,10 @@ from torch import Tensor
 from lfobench.contract.method import Method, Shapes
 from lfobench.engine.probe import random_view
 from lfobench.engine.program import Program
-from lfobench.engine.state import CPU, MethodState, SeedState, StateError, live_tensors, plain_values
+from lfobench.engine.state import MethodState, SeedState, StateError, live_tensors, plain_values
 from lfobench.randomness import Randomness
+
+CPU = torch.device("cpu")
 
 SHAPES = Shapes(5, 2)
 SEEDS = (4, 0, 9)
