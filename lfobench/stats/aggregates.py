@@ -142,26 +142,6 @@ def percentile_interval(replicates: Values, level: float) -> tuple[Values, Value
     return low, high
 
 
-def mean_interval(
-    samples: Sequence[float] | Values, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0
-) -> Interval | None:
-    """Percentile bootstrap interval of the mean of samples ``[n]``.
-
-    None for a single sample, which has no spread. For few samples it is too narrow: of intervals at level 0.95 from
-    5 normal samples, about 0.84 cover the mean; `intervals.t_interval` keeps its level there.
-
-    Raises:
-        ValueError: there is no sample, one is not finite, or `level` is not strictly between 0 and 1.
-    """
-    check_probability("level", level)
-    pool = strata([samples])
-    if not pool.vary:
-        return None
-    shares = pool.values / pool.values.size
-    low, high = percentile_interval(bootstrap(lambda counts: shares @ counts, [pool], replicates, seed), level)
-    return Interval(float(low), float(high), level)
-
-
 def interquartile_mean(scores: Scores, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0) -> Estimate:
     """Mean of the middle half of all runs of all tasks.
 
@@ -214,18 +194,6 @@ def median(scores: Scores, level: float = 0.95, replicates: int = REPLICATES, se
         return np.asarray(np.median(means, axis=0))
 
     return _estimate(pool, statistic, level, replicates, seed)
-
-
-def optimality_gap(
-    scores: Scores, gamma: float = 100.0, level: float = 0.95, replicates: int = REPLICATES, seed: int = 0
-) -> Estimate:
-    """How far runs fall short of the score `gamma` (100: the expert), on average; runs beyond it count 0.
-
-    Raises:
-        ValueError: the scores are empty or not finite, or `level` is not strictly between 0 and 1.
-    """
-    pool = strata(scores)
-    return _mean_of(pool, np.maximum(0.0, gamma - pool.values), level, replicates, seed)
 
 
 def probability_of_improvement(

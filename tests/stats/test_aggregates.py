@@ -26,7 +26,6 @@ tables = st.tuples(st.integers(1, 7), st.integers(1, 7)).flatmap(
 
 Aggregate = Callable[..., Estimate]
 LOCATIONS: list[Aggregate] = [aggregates.interquartile_mean, aggregates.mean, aggregates.median]
-AGGREGATES: list[Aggregate] = [*LOCATIONS, aggregates.optimality_gap]
 QUICK: dict[str, Any] = {"replicates": 40}
 
 
@@ -63,17 +62,11 @@ def test_the_interquartile_mean_of_unequal_runs_trims_by_weight(tasks: list[list
 
 
 @given(ragged)
-def test_mean_median_and_gap_are_what_plain_loops_say(tasks: list[list[float]]) -> None:
+def test_mean_and_median_are_what_plain_loops_say(tasks: list[list[float]]) -> None:
     means = [statistics.fmean(task) for task in tasks]
-    gaps = [statistics.fmean(max(0.0, 100.0 - value) for value in task) for task in tasks]
-    values = [aggregate(tasks, **QUICK).value for aggregate in AGGREGATES[1:]]
-    expected = [statistics.fmean(means), statistics.median(means), statistics.fmean(gaps)]
+    values = [aggregate(tasks, **QUICK).value for aggregate in LOCATIONS[1:]]
+    expected = [statistics.fmean(means), statistics.median(means)]
     assert values == pytest.approx(expected, rel=1e-10, abs=1e-10)
-
-
-def test_the_gap_depends_on_its_target() -> None:
-    estimate = aggregates.optimality_gap([[90.0, 120.0], [20.0]], gamma=50.0)
-    assert estimate.value == pytest.approx(15.0)
 
 
 @given(st.lists(st.tuples(runs, runs), min_size=1, max_size=5))
@@ -150,7 +143,6 @@ def reference_interval(statistic: Callable[[list[Any]], float], tasks: list[list
         (aggregates.interquartile_mean, lambda tasks: trim_mean(np.concatenate(tasks), 0.25)),
         (aggregates.mean, lambda tasks: np.mean([task.mean() for task in tasks])),
         (aggregates.median, lambda tasks: np.median([task.mean() for task in tasks])),
-        (aggregates.optimality_gap, lambda tasks: np.mean([np.maximum(0, 100 - task).mean() for task in tasks])),
     ],
 )
 def test_intervals_agree_with_a_loop_over_replicates(aggregate: Aggregate, plain: Callable[[list[Any]], float]) -> None:
@@ -182,7 +174,7 @@ def test_the_spread_of_the_mean_is_that_of_the_formula() -> None:
     assert drawn.mean() == pytest.approx(np.mean([np.mean(task) for task in tasks]), abs=5 * expected / 200)
 
 
-@pytest.mark.parametrize("aggregate", AGGREGATES)
+@pytest.mark.parametrize("aggregate", LOCATIONS)
 @given(tasks=ragged, random=st.randoms(use_true_random=False))
 @settings(max_examples=25)
 def test_the_order_of_runs_and_tasks_does_not_matter(aggregate: Aggregate, tasks: Any, random: Any) -> None:
@@ -205,7 +197,7 @@ def test_locations_follow_unit_and_origin(aggregate: Aggregate, tasks: Any, shif
         assert ends(other) == pytest.approx(expected, rel=1e-9, abs=scale * 1e-9)
 
 
-@pytest.mark.parametrize("aggregate", AGGREGATES)
+@pytest.mark.parametrize("aggregate", LOCATIONS)
 def test_intervals_are_decided_by_the_seed_and_widen_with_the_level(aggregate: Aggregate) -> None:
     table = normal_table(4)
     assert aggregate(table, replicates=300, seed=7) == aggregate(table, replicates=300, seed=7)
@@ -214,7 +206,7 @@ def test_intervals_are_decided_by_the_seed_and_widen_with_the_level(aggregate: A
     assert wide[0] < narrow[0] < narrow[1] < wide[1]
 
 
-@pytest.mark.parametrize("aggregate", AGGREGATES)
+@pytest.mark.parametrize("aggregate", LOCATIONS)
 def test_one_run_per_task_has_no_interval(aggregate: Aggregate) -> None:
     assert aggregate([[50.0], [70.0]]).interval is None
     assert aggregate([[50.0], [70.0, 80.0]], **QUICK).interval is not None
@@ -227,7 +219,7 @@ def test_one_run_per_task_compares_without_an_interval() -> None:
     assert profile.low is None and profile.high is None
 
 
-@pytest.mark.parametrize("aggregate", AGGREGATES)
+@pytest.mark.parametrize("aggregate", LOCATIONS)
 @pytest.mark.parametrize("wrong", [[], [[1.0], []], [[1.0, math.nan]]])
 def test_scores_that_are_no_table_are_an_error(aggregate: Aggregate, wrong: list[list[float]]) -> None:
     with pytest.raises(ValueError, match=r"Scores"):
@@ -251,7 +243,7 @@ def test_the_interval_of_many_tasks_covers_better_than_that_of_one() -> None:
     assert covered / rows == pytest.approx(0.92, abs=4 * math.sqrt(0.92 * 0.08 / rows))
 
 
-@pytest.mark.parametrize("aggregate", AGGREGATES)
+@pytest.mark.parametrize("aggregate", LOCATIONS)
 def test_the_largest_scores_do_not_overflow(aggregate: Aggregate) -> None:
     for tasks in ([[LARGEST] * 5, [LARGEST] * 3], [[LARGEST, 1.0, -LARGEST], [0.5 * LARGEST] * 4]):
         found = aggregate(tasks, **QUICK)

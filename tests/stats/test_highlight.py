@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from self_test import false_highlight_rate
 
 from lfobench.stats.highlight import DEFAULT_RULE, Highlight, Rule, adjusted, highlights
 from lfobench.stats.intervals import Summary
-from lfobench.stats.null import false_highlight_rate
 from lfobench.stats.options import Correction, Test
 from lfobench.stats.successes import Count, pool
 from lfobench.stats.tests import PAIRED, Sample, p_value, sample_of

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from self_test import false_highlight_rate
 
 from lfobench.stats.intervals import summarize
-from lfobench.stats.null import false_highlight_rate
 from lfobench.stats.successes import wilson_interval
 from lfobench.stats.tests import welch_test
 
