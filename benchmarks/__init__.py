@@ -1,1 +1,1 @@
-"""Claims of speed, measured: every number is a ratio against a reference timed in the same run."""
+"""Benchmarks of speed: every number is a ratio against a reference timed in the same run. Not in the wheel."""

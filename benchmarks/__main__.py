@@ -35,11 +35,11 @@ def bench(
         bool, typer.Option("--quick", help="Show that everything runs; the figures mean nothing.")
     ] = False,
     out: Annotated[
-        Path, typer.Option(help="Folder of the raw values: a file per machine; of some sections, one beside it.")
+        Path, typer.Option(help="Folder of the raw values: a file per machine, and one more per selection of sections.")
     ] = Path("results/bench"),
     as_json: options.Json = False,
 ) -> None:
-    """Time the engine, in alternation with plain reference loops, and hold it to its targets.
+    """Time the engine, in alternation with plain reference loops, and compare it with its targets.
 
     Example: python -m benchmarks --only steps,evaluation
     """

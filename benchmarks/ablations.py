@@ -1,4 +1,4 @@
-"""What parts of the engine buy: a training step without one of them, over the step as it is."""
+"""Ablations of the engine: a training step without one of its parts, over the step as it is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A task of the paper's size on disk, filled with random numbers: what loading and one whole cell are timed on.
+"""A task of the paper's size on disk, filled with random numbers, on which loading and one whole cell are timed.
 
 The files are what `lfobench data build` writes, checksums included; only their numbers come from a generator instead of
 a simulator. So the benchmark needs no data of anybody's and takes seconds to set up.
@@ -98,7 +98,7 @@ def loading(quick: bool, rounds: int) -> dict[str, Any]:
 
 
 def whole_cell(device: torch.device, seeds: int, evaluators: int, quick: bool) -> dict[str, Any]:
-    """One DILO cell from data on disk to records, by where its seconds went.
+    """One DILO cell from data on disk to records, with its seconds by part.
 
     On CUDA the whole `paper` cell; on a CPU 400 steps of the `quick` protocol, whose parts show where time goes.
     """
@@ -114,8 +114,8 @@ def whole_cell(device: torch.device, seeds: int, evaluators: int, quick: bool) -
         wall = time.perf_counter() - started
         record = RecordFolder(Path(out)).read_all().records[0]
     parts: dict[str, float] = dict(record.provenance["seconds"])
-    beside = "evaluate" if evaluators else None
-    rest = wall - sum(seconds for part, seconds in parts.items() if part != beside)
+    concurrent = "evaluate" if evaluators else None
+    rest = wall - sum(seconds for part, seconds in parts.items() if part != concurrent)
     return {
         "protocol": cell.protocol.name,
         "steps": cell.protocol.steps_for(cell.task),

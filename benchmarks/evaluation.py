@@ -1,4 +1,4 @@
-"""Evaluation compared: one environment at a time, in lock step in this process, and on every core as workers."""
+"""Evaluation in three ways: one environment at a time, in lock step in this process, and on every core as workers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""On what a number was measured: a line for the reader, JSON for the results file, a slug for its name."""
+"""The machine of a measurement: a line of text, JSON for the results file, a slug for its name."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ class Hardware:
 
     @property
     def name(self) -> str:
-        """What the steps ran on."""
+        """The device of the steps."""
         return self.gpu or self.processor
 
     @property
     def slug(self) -> str:
-        """For a file name: lower-case letters, digits and hyphens."""
+        """Part of a file name: lower-case letters, digits and hyphens."""
         threads = "" if self.gpu else f" {self.threads} thread{'s' if self.threads > 1 else ''}"
         return re.sub(r"[^a-z0-9]+", "-", (self.name + threads).lower()).strip("-")
 
     def __str__(self) -> str:
-        where = f"{self.gpu}, beside {self.processor}" if self.gpu else self.processor
+        where = f"{self.gpu} with {self.processor}" if self.gpu else self.processor
         cores = f"{self.cores} core{'s' if self.cores > 1 else ''}"
         threads = f"{self.threads} thread{'s' if self.threads > 1 else ''}"
         return f"{where} ({cores}, {threads}), {self.precision}, torch {self.torch}, {self.operating_system}"

@@ -1,4 +1,4 @@
-"""Contenders timed in alternation, so that what slows the machine slows them all alike."""
+"""Contenders timed in alternation, so that load on the machine slows them all alike."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CPU = torch.device("cpu")
 
 @dataclass(frozen=True)
 class Contender:
-    """Something to time.
+    """A unit of work to time.
 
     Attributes:
         name: unique among those it is timed with.
@@ -85,7 +85,7 @@ class Alternation:
     timings: Mapping[str, Timing]
 
     def ratio(self, slow: str, fast: str) -> Spread:
-        """How many times longer a call of `slow` takes than one of `fast`, round by round."""
+        """Ratio of the seconds of a call of `slow` to those of `fast`, round by round."""
         pairs = zip(self.timings[slow].seconds, self.timings[fast].seconds, strict=True)
         return Spread.of([ours / theirs for ours, theirs in pairs])
 
@@ -158,10 +158,10 @@ class Target:
     """One measure.
 
     Attributes:
-        measure: in words.
+        measure: its name.
         unit: of value and bounds: ``x`` for a ratio, ``s`` for seconds, ``/s`` for a rate.
         must: the bound.
-        aim: what we would like.
+        aim: the goal beyond it.
         more_is_better: whether the bounds are from below.
     """
 
@@ -190,13 +190,13 @@ TARGETS: dict[str, Target] = {
     "simulation": Target("Robot simulation, lock step, control steps per second and core", "/s", 20_000, 30_000, True),
     "loading": Target("Loading a built task of 1.2M transitions (DILO)", "s", 2, 0.3, False),
     "bootstrap": Target("50,000 bootstrap replicates of the IQM, 8 methods x 24 tasks x 7 seeds", "s", 5, 2, False),
-    "records": Target("lfobench.load of 10,000 records seen before", "s", 3, 1, False),
+    "records": Target("lfobench.load of 10,000 records read before", "s", 3, 1, False),
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A target and what was measured, or why nothing was.
+    """A target with its measured value, or the reason why there is none.
 
     Attributes:
         target: the measure.

@@ -1,4 +1,4 @@
-"""Everything that `make bench` measures, section by section."""
+"""Measurements of `make bench`, section by section."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Speed:
 
     Attributes:
         device: where training is measured.
-        quick: only show that everything runs.
+        quick: a run that only shows that everything works.
         raw: what every section measured, as JSON data.
     """
 
@@ -41,17 +41,17 @@ class Speed:
 
     @property
     def effort(self) -> Effort:
-        """How long to measure training steps."""
+        """Effort of measuring training steps."""
         return Effort.of(self.quick)
 
     @property
     def rounds(self) -> int:
-        """Repetitions of what takes seconds."""
+        """Repetitions of measurements that take seconds."""
         return 1 if self.quick else 5
 
     @property
     def cores(self) -> int:
-        """Of the processor."""
+        """Effort of measuring on the processor."""
         return describe(self.device).cores
 
     @property
@@ -173,7 +173,7 @@ SECTIONS: dict[str, Section] = {
 
 
 def measure(
-    device: str, quick: bool, sections: Sequence[str], say: Callable[[str], None]
+    device: str, quick: bool, sections: Sequence[str], report: Callable[[str], None]
 ) -> tuple[list[Finding], dict[str, Any]]:
     """Run sections of the benchmarks.
 
@@ -181,7 +181,7 @@ def measure(
         device: ``cpu`` or ``cuda``.
         quick: only show that everything runs; the figures mean nothing.
         sections: names of `SECTIONS`.
-        say: told the name of every section as it begins.
+        report: gets the name of every section as it begins.
 
     Returns:
         A finding per target, in their order, and the raw values as JSON data.
@@ -194,7 +194,7 @@ def measure(
     hardware = describe(speed.device)
     found: dict[str, Finding] = {}
     for name in sections:
-        say(name)
+        report(name)
         found |= dict(SECTIONS[name](speed))
     findings = [
         found.get(key) or Finding(target, None, NO_GPU if key.startswith("gpu") and device == "cpu" else SKIPPED)

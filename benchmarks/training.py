@@ -1,4 +1,4 @@
-"""Training steps compared: with the authors' loops, with the floor of matrix products, and many seeds with one."""
+"""Training steps, compared with the authors' loops and the floor of matrix products, and many seeds with one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SEEDS = (1, 2, 4, 7, 14, 28)
 
 @dataclass(frozen=True)
 class Effort:
-    """How long to measure, and on how much data.
+    """Effort of a measurement: rounds and amount of data.
 
     Attributes:
         rounds: blocks per contender.
@@ -148,9 +148,9 @@ class Bench:
 
     Attributes:
         device: where the steps run.
-        effort: see there.
+        effort: rounds and amount of data.
         task: whose shapes the data has.
-        account: which inventory the floor runs.
+        account: inventory of the floor.
     """
 
     device: torch.device

@@ -1,4 +1,4 @@
-"""What a reader of results waits for: intervals by bootstrap, and thousands of records read into a frame."""
+"""Speed of results: intervals by bootstrap, and thousands of records read into a frame."""
 
 from __future__ import annotations
 

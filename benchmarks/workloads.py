@@ -1,4 +1,4 @@
-"""What is timed: a method's stage, the authors' loop of it, and its inventory of products."""
+"""Workloads: a method's stage, the authors' loop of it, and its inventory of products."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ OFFLINE_ROWS = 1_200_000
 EXPERT_ROWS = 999
 TRANSITIONS_PER_START = 1000
 
-# Observation and action lengths of the seed paper's tasks.
+# Observation and action lengths of the tasks of DILO's paper.
 SHAPES = {
     "hopper": Shapes(11, 3),
     "halfcheetah": Shapes(17, 6),
@@ -124,7 +124,7 @@ def _columns(observations: Array, actions: Array) -> Columns:
 
 
 def _table(fields: Sequence[Field], storage: Tensor, actions: Array, order: Tensor) -> Table:
-    """Rows in the order that the firewall would give them: for the offline part, none that memory likes."""
+    """Rows in the order that the firewall would give them: for the offline part, without locality."""
     device, rows = storage.device, len(order)
     every_row = torch.arange(rows, device=device)
     columns: dict[Field, tuple[Tensor, Tensor]] = {}

@@ -1,9 +1,9 @@
-"""A Python file given by path, a suite or a method, as a module that may import the files that lie with it.
+"""Python files given by path, suites or methods, as modules that can import other files of their folder.
 
 Its folder becomes a package whose name is its path, ``file:/home/me/work``, so that every process can find the module
 again by its name alone: classes of such a file can be pickled. In the file and in its neighbours, ``import other`` and
 ``from other import …`` mean ``other.py`` of their own folder, as in a script. Nowhere else do they: two folders may
-each have a ``utils.py``, and none takes the place of another package of the process.
+each have a ``utils.py``, and neither hides another package of the process.
 
 Names of the standard library, of lfobench and of every package that registers something with it (``methods``,
 ``suites``) stay theirs. A neighbour is also found by its plain name where a library imports it, as Gymnasium does for
@@ -32,14 +32,14 @@ PREFIX = "file:"
 
 
 def load_file(path: Path, what: str) -> ModuleType:
-    """The module that a Python file is; the same one however often it is asked for.
+    """The module of a Python file; the same one at every call.
 
     Args:
         path: of the file.
-        what: the file is, e.g. ``suite``, for messages.
+        what: kind of file, e.g. ``suite``, for messages.
 
     Raises:
-        UserError: there is no such file, or it cannot be run.
+        UserError: there is no such file, or running it fails.
     """
     try:
         place = path.expanduser().resolve()
@@ -56,11 +56,11 @@ def load_file(path: Path, what: str) -> ModuleType:
     try:
         return import_module(f"{package}.{_quoted(place.stem)}")
     except (Exception, SystemExit) as error:
-        raise UserError(f"The {what} file {path} cannot be run: {cause(error)}.", "Mend the file.") from error
+        raise UserError(f"The {what} file {path} cannot be run: {cause(error)}.", "Fix the file.") from error
 
 
 def forget(path: Path) -> None:
-    """Have a file and its neighbours read again when they are next asked for."""
+    """Unload a file and its neighbours, so that the next `load_file` reads them again."""
     package = _package(path.expanduser().resolve().parent)
     for name, module in list(sys.modules.items()):
         if name == package or name.startswith(f"{package}.") or _is_alias(name, module):
@@ -90,7 +90,7 @@ def _others() -> frozenset[str]:
 
 
 def _is_neighbour(folder: Path, name: str) -> bool:
-    """Whether a top-level name is a file or package of the folder; a mere folder gives way to a package elsewhere."""
+    """Whether a top-level name is a file or package of the folder; a mere folder yields to a package elsewhere."""
     if name in _others():
         return False
     place = folder / name
@@ -124,7 +124,7 @@ class _SourceLoader(SourceFileLoader):
             found = builtins.__import__(f"{package}.{name}", variables, local, fromlist or ("__name__",), 0)
             return found if fromlist else sys.modules[f"{package}.{top}"]
 
-        # What the import statement calls is looked up among the builtins of the code that it stands in.
+        # The import statement calls the `__import__` among the builtins of its own module.
         module.__dict__["__builtins__"] = {**vars(builtins), "__import__": import_here}
         super().exec_module(module)
 
@@ -192,6 +192,6 @@ def _is_alias(name: str, module: ModuleType) -> bool:
     return not name.startswith(PREFIX) and getattr(module, "__name__", "").startswith(PREFIX)
 
 
-# Before Python's own, which would find them as ordinary modules, and after it, which has its say on plain names.
+# The first precedes Python's own finders, which would find ordinary modules; the second comes after them.
 sys.meta_path.insert(0, _ByPath())
 sys.meta_path.append(_ByPlainName())

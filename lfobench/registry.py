@@ -1,12 +1,12 @@
 """Methods and suites by name, found through entry points; the built-in ones register the same way.
 
-A package of somebody else's appears in the command line by declaring, in its own ``pyproject.toml``::
+A third-party package adds methods and suites by entry points in its own ``pyproject.toml``::
 
     [project.entry-points."lfobench.methods"]
     mine = "my_package.mine:Mine"
 
-A method may also be named where it stands, ``path/to/file.py``, ``path/to/file.py:Mine`` or ``my_package.mine:Mine``,
-and a suite by the path of its file. What is broken is an error only for those who ask for it.
+A method may also be named by its location, ``path/to/file.py``, ``path/to/file.py:Mine`` or ``my_package.mine:Mine``,
+and a suite by the path of its file. A broken method or suite is an error only where it is asked for.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ METHODS = "lfobench.methods"
 SUITES = "lfobench.suites"
 
 NAME = r"[A-Za-z0-9_][A-Za-z0-9_+-]*"
-"""Of a method: no comma, dot or colon, which mean something where methods are named."""
+"""Pattern of a method's name: without comma, dot and colon, which are syntax where methods are named."""
 
 _IN_FILE = re.compile(r"(?P<file>.*\.py)(:(?P<name>\w+))?", re.DOTALL)
 _IN_MODULE = re.compile(r"(?P<module>[\w.]+):(?P<name>\w+)")
 
 _given: dict[str, type[Method]] = {}
-"""Methods that were named where they stand, by their own names, by which records and assignments know them."""
+"""Methods that were named by location, by their own names, as records and assignments have them."""
 
 
 @cache
 def _points(group: str) -> dict[str, list[EntryPoint]]:
-    """Registrations by name; several under one name are nobody's."""
+    """Registrations by name; a name with several is ambiguous."""
     found: dict[str, list[EntryPoint]] = {}
     for point in entry_points(group=group):
         others = found.setdefault(point.name, [])
@@ -69,19 +69,19 @@ def suite_names() -> list[str]:
 
 
 def is_place(name: str) -> bool:
-    """Whether a method's name says where it stands."""
+    """Whether a method's name is a location."""
     return bool(_IN_FILE.fullmatch(name) or _IN_MODULE.fullmatch(name))
 
 
 def load_method(name: str) -> type[Method]:
-    """The class behind a method's name, or behind the place where it stands.
+    """The class of a method's name or location.
 
     Args:
         name: registered; or ``file.py``, ``file.py:Class`` or ``package.module:Class``; or the own name of a method
-            that this process has loaded from such a place.
+            that this process has loaded from such a location.
 
     Raises:
-        UserError: for an unknown name, what cannot be imported, or a class that is no complete method.
+        UserError: for an unknown name, a failing import, or a class that is no complete method.
     """
     if place := _IN_FILE.fullmatch(name):
         return give_method(_in_file(Path(place["file"]), place["name"]), name)
@@ -96,7 +96,7 @@ def load_method(name: str) -> type[Method]:
 
 
 def give_method(method: object, where: str) -> type[Method]:
-    """A class that was named where it stands, once it is known to be a method; from now on its own name finds it.
+    """The class of a method that was named by location, checked; from now on its own name finds it.
 
     Raises:
         UserError: it is no complete method, or has the name of a registered one.
@@ -115,7 +115,7 @@ def give_method(method: object, where: str) -> type[Method]:
 
 
 def package_of(method: type[Method]) -> dict[str, str]:
-    """The installed package that registers a method, to its version; none of those that ship, or stand elsewhere."""
+    """The installed package that registers a method, to its version; empty for built-in and unregistered ones."""
     places = [] if ships(method) else _points(METHODS).get(method.name, [])
     here = f"{method.__module__}:{method.__qualname__}"
     return {place.dist.name: place.dist.version for place in places if place.dist is not None and place.value == here}
@@ -128,15 +128,15 @@ def _registered_method(name: str) -> type[Method]:
 
 
 def checked_method(method: object, where: str, registered: str | None = None) -> type[Method]:
-    """`method`, if the harness can use it.
+    """`method`, checked to be usable.
 
     Args:
-        method: whatever stands there.
-        where: it stands, for messages.
+        method: any object.
+        where: its location, for messages.
         registered: its name in the registry.
 
     Raises:
-        UserError: saying all that is missing.
+        UserError: with all that is missing.
     """
     if not (isinstance(method, type) and issubclass(method, Method)):
         raise UserError(
@@ -146,12 +146,12 @@ def checked_method(method: object, where: str, registered: str | None = None) ->
     if registered is not None and isinstance(getattr(method, "name", None), str) and method.name != registered:
         faults.append(f"it calls itself '{method.name}'")
     if faults:
-        raise UserError(f"Method {where} cannot be used: {'; '.join(faults)}.", "Mend the class.")
+        raise UserError(f"Method {where} cannot be used: {'; '.join(faults)}.", "Fix the class.")
     return method
 
 
 def declaration_faults(method: type[Method]) -> list[str]:
-    """What is wrong with the declarations of a method, in words."""
+    """Faults in the declarations of a method, as text."""
     faults = []
     if missing := sorted(method.__abstractmethods__):
         faults.append(f"it lacks {', '.join(missing)}")
@@ -186,7 +186,7 @@ def declaration_faults(method: type[Method]) -> list[str]:
 def _unfit(
     config: type[MethodConfig], presets: Mapping[str, Mapping[str, Any]], budgets: Mapping[str, Mapping[str, Any]]
 ) -> list[str]:
-    """Presets and budgets that make no configuration, alone or else together."""
+    """Presets and budgets that are no valid configuration, each alone, or else combined."""
     alone = {
         **{f"its preset '{preset}'": fields for preset, fields in presets.items()},
         **{f"its budget '{budget}'": fields for budget, fields in budgets.items()},
@@ -205,7 +205,7 @@ def _unfit(
                 first = error.errors()[0]
                 place = ".".join(map(str, first["loc"]))
                 faults.append(f"{which} does not fit its Config ({place}: {first['msg'].lower()})")
-            except Exception as error:  # a validator of the Config is somebody else's code
+            except Exception as error:  # a validator of the Config is third-party code
                 faults.append(f"{which} does not fit its Config ({cause(error)})")
         if faults:
             return faults
@@ -256,25 +256,23 @@ def _method_of(module: ModuleType, path: Path, name: str | None) -> object:
 def _attribute(module: ModuleType, name: str, where: str) -> object:
     found: object = getattr(module, name, None)
     if found is None:
-        raise UserError(f"There is no class '{name}' in {where}.", "Name a Method class that stands there.")
+        raise UserError(f"There is no class '{name}' in {where}.", "Name a Method class of that file or module.")
     return found
 
 
 def _imported(module: str, where: str) -> ModuleType:
     here = str(Path.cwd())
     if here not in sys.path:
-        sys.path.append(here)  # last, so that no folder there takes the place of an installed package
+        sys.path.append(here)  # last, so that no folder there hides an installed package
     try:
         return import_module(module)
     except (Exception, SystemExit) as error:
-        raise UserError(
-            f"Method {where} cannot be imported: {cause(error)}.", "Install or mend its package."
-        ) from error
+        raise UserError(f"Method {where} cannot be imported: {cause(error)}.", "Install or fix its package.") from error
 
 
 @cache
 def load_suite(name: str) -> Suite:
-    """The suite behind a name, or behind the path of a Python file that defines ``SUITE``.
+    """The suite of a name, or of the path of a Python file that defines ``SUITE``.
 
     Raises:
         UserError: for an unknown name, or a suite that cannot be imported.
@@ -335,7 +333,7 @@ def _load(point: EntryPoint) -> object:
     except (Exception, SystemExit) as error:
         raise UserError(
             f"'{point.name}' ({point.value}) cannot be imported: {cause(error)}.",
-            "Reinstall or mend the package that registers it.",
+            "Reinstall or fix the package that registers it.",
         ) from error
     return loaded
 

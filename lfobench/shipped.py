@@ -1,8 +1,8 @@
-"""The packages that ship beside lfobench, ``methods`` and ``suites``, found whatever else has their names.
+"""The packages ``methods`` and ``suites`` of the wheel, importable whatever else has their names.
 
-A script's own folder ``methods/`` lies first on Python's path and would take the place of ours. Here the names mean
-ours, and the modules of the user's folders stay importable under them: ``methods.dilo`` is always the one that ships,
-``methods.mine`` the user's.
+A script's own folder ``methods/`` comes first on Python's path and would hide the wheel's. With this finder the names
+mean the wheel's packages, and modules of the user's folders stay importable: ``methods.dilo`` is always the built-in
+one, ``methods.mine`` the user's.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PACKAGES = ("methods", "suites")
 
 
 class _ShippedFirst:
-    """Finds the packages next to lfobench, with the folders of their names on the path behind them."""
+    """Finds the packages next to lfobench, whose `__path__` goes on with equally named folders on Python's path."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -37,7 +37,7 @@ def _folders(name: str) -> list[str]:
 
 
 def put_first() -> None:
-    """Let the names mean our packages from now on, also where the user's were imported before."""
+    """Install the finder; packages of these names that were imported before get the wheel's folder first."""
     if not any(isinstance(finder, _ShippedFirst) for finder in sys.meta_path):
         sys.meta_path.insert(0, _ShippedFirst())
     for name in PACKAGES:

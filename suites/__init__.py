@@ -1,1 +1,1 @@
-"""The suites that the benchmark runs: one suite, one file; demonstrators beside them."""
+"""The built-in suites: one file per suite; environments and demonstrators in packages below."""

@@ -1,4 +1,4 @@
-"""Adroit: pen, door and hammer, as in the seed paper's Table 1.
+"""Adroit: pen, door and hammer, as in Table 1 of DILO's paper.
 
 {cloned, human} offline data, each with K = 30 expert trajectories.
 Returns are those of D4RL's ``-v0`` environments, normalised with its references.
@@ -6,10 +6,10 @@ Returns are those of D4RL's ``-v0`` environments, normalised with its references
 The paper's table writes a horizon of 100 for all three. D4RL's is 200 for door and hammer, and so is that of the
 authors' code: `SUITE` has it, `PAPER` the table's, where generated and evaluated episodes, the demonstration and a
 counted trajectory end at 100; episodes of files keep their length. D4RL's references are of whole episodes, so a score
-of `PAPER` on door or hammer means little beside another. The 5e6 transitions that the table gives pen-cloned, which has
-500,000, are taken for a slip by both.
+of `PAPER` on door or hammer cannot be compared with others. Both take the
+table's 5e6 transitions of pen-cloned, which has 500,000, for a misprint.
 
-Nobody moved this hand for the generated source: where D4RL has human demonstrations, its stand-in is ``scripted``.
+Generated data hold no human demonstrations: where D4RL has them, the level ``scripted`` takes their place.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ RETURNS = {
     "door": (-56.512833, 2880.5693087298737),
     "hammer": (-274.856578, 12794.134825156867),
 }
-"""Of score 0 and of score 100."""
+"""Returns of score 0 and score 100."""
 ENVIRONMENTS = tuple(Environment(name, identifier(name), HORIZONS[name], *RETURNS[name]) for name in RETURNS)
 
 PAPER_HORIZON = 100
@@ -40,7 +40,7 @@ OFFLINE_TRANSITIONS = {
 # half a std of the expert's mean on its card: a lone drop must not be what every method is asked to imitate.
 GENERATION_SEEDS = {"pen": 2, "door": 0, "hammer": 0}
 GENERATED: dict[str, Level] = {"cloned": "cloned", "human": "scripted"}
-"""Level of D4RL's offline data to the level that stands in for it."""
+"""Level of D4RL's offline data to the generated level that takes its place."""
 
 
 def _task(environment: Environment, offline: Level) -> Task:

@@ -1,4 +1,4 @@
-"""Air hockey: the seed paper's robot tasks on a simulated table.
+"""Air hockey: the robot tasks of DILO's paper on a simulated table.
 
 Ten tasks: safe manipulation by teleoperation and across embodiments, each with {15 trajectories, 15 from one corner,
 300 transitions}; puck striking with 20 and with 10 expert trajectories; dynamic hitting with 400, scored as touch and
@@ -66,9 +66,9 @@ SAFE_TRAJECTORIES, UNIFORM_TRANSITIONS, HITS = 15, 300, 400
 """Expert data of the main text."""
 APPENDIX_STRIKES, APPENDIX_HITS = 400, SINGLE_HITS + 850
 OFFLINE_TRAJECTORIES = 50
-"""Of the appendix; more than the main text's equal share of any task but hitting."""
+"""Offline trajectories of the appendix; more than the main text's equal share of any task but hitting."""
 OFFLINE_HITTING = 120
-"""More than the main text's equal share of dynamic hitting."""
+"""Offline trajectories of dynamic hitting; more than the main text's equal share."""
 
 
 def _task(environment: Environment, group: str, level: Level, trajectories: int, offline: int, **recipe: Any) -> Task:

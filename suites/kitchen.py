@@ -1,23 +1,23 @@
-"""Franka kitchen: the two tasks of the seed paper's Table 1, offline data partial and mixed.
+"""Franka kitchen: the two tasks of Table 1 of DILO's paper, offline data partial and mixed.
 
 A return counts the scored sub-tasks that an episode completes, from 0 to 4, so the normalised score is their share in
 per cent. The paper's code and its text differ in K, the expert trajectories that join the offline data: `SUITE` takes 1
-as the code does, whatever it is told, and `PAPER` 30. D4RL's and Minari's files of complete demonstrations may hold
+as the code does whatever its arguments, and `PAPER` 30. D4RL's and Minari's files of complete demonstrations may hold
 fewer than 30; then all of them join.
 
-SMODICE's and ORIL's authors have a recipe of their own here: the chi^2 divergence, no absorbing state
-and no expert trajectory in the offline data. So these two have it in `SUITE` and `WITHOUT_GOAL`; in `PAPER`, every
-method learns from one mix. Their demonstration is one whole trajectory; here it is the task's, as for every method.
+SMODICE's authors run SMODICE and ORIL with settings of their own here: the chi^2 divergence, no absorbing state and no
+expert trajectory in the offline data. `SUITE` and `WITHOUT_GOAL` do so for these two; in `PAPER`, every method learns
+from one mix. Their demonstration is one whole trajectory; here it is the task's, as for every method.
 
-The kitchen goal-vector trap: in D4RL's files the expert of ``mixed`` carries another goal than the
-offline data, and so can be told by it. `SUITE` keeps the goal, as everyone did; `WITHOUT_GOAL` is the same with
-observations that end before it. Minari's have none. Generated data are made in the task's own environment, so that both
-parts carry one goal, and leaving it out hides nothing.
+The kitchen goal-vector trap: in D4RL's files the expert rows of ``mixed`` carry another goal than the offline rows, so
+the goal alone identifies them. `SUITE` keeps the goal, as the published experiments did; `WITHOUT_GOAL` is the same
+with observations that end before it. Minari's have none. Generated data are made in the task's own environment: both
+parts carry one goal, and leaving it out removes no such shortcut.
 
-Generated data are a scripted demonstrator's, not people's. Its expert is D4RL's ``complete``: microwave, kettle, light
-switch and slide cabinet, in this order; where ``mixed`` is scored, that is three of four, as in the paper, and the
-episode goes on at rest. Offline, an episode completes up to four of six sub-tasks in random order (the hinge cabinet of
-D4RL's people is not among them), and under ``mixed`` never all that are scored.
+Generated data come from a scripted demonstrator, not from people. Its expert is D4RL's ``complete``: microwave,
+kettle, light switch and slide cabinet, in this order; where ``mixed`` is scored, that is three of four, as in the
+paper, and the episode goes on at rest. Offline, an episode completes up to four of six sub-tasks in random order
+(without the hinge cabinet, which D4RL's people open, too), and under ``mixed`` never all that are scored.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MINARI_TRANSITIONS = 156_560
 PAPER_STEPS = 1_000_000
 RELEASED_TRAJECTORIES, PAPER_TRAJECTORIES = 1, 30
 SETTINGS: Settings = {"smodice": {"divergence": "chi2", "absorbing": False}, "oril": {"absorbing": False}}
-"""Of SMODICE's and ORIL's authors, for the kitchen."""
+"""Settings of SMODICE's authors for the kitchen."""
 
 
 def _environment(variant: Variant, layout: Layout) -> Environment:
@@ -94,7 +94,7 @@ PAPER = Suite(
 
 WITHOUT_GOAL = Suite(
     name="kitchen-without-goal",
-    summary="kitchen without the goal in observations, by which the expert of D4RL's files can be told",
+    summary="kitchen without the goal in observations; in D4RL's files the goal identifies the expert",
     tasks=_tasks(RELEASED_TRAJECTORIES, "d4rl-without-goal"),
     demonstrator=load,
 )

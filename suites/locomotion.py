@@ -1,4 +1,4 @@
-"""Locomotion: hopper, halfcheetah, walker2d and ant, as in the seed paper's Table 1.
+"""Locomotion: hopper, halfcheetah, walker2d and ant, as in Table 1 of DILO's paper.
 
 {random, medium} x {expert: K = 200 trajectories, few-expert: K = 30}, one million offline transitions each.
 Returns are those of Gymnasium's ``-v5`` environments, normalised with D4RL's references.
@@ -35,7 +35,7 @@ GENERATION_SEEDS = {"hopper": 0, "halfcheetah": 0, "walker2d": 2, "ant": 0}
 OFFLINE_LEVELS: tuple[Level, ...] = ("random", "medium")
 
 
-# Of D4RL's 111 columns of ant, and of Minari's 105, what the bodies' own state is.
+# Columns of the body's own state, the first of D4RL's 111 and of Minari's 105 columns of ant.
 COLUMNS = {"ant": 27}
 
 

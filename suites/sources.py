@@ -1,4 +1,4 @@
-"""Files that the suites' tasks can be read from: D4RL's, in the form that each has, and Minari's, by identifier."""
+"""Dataset files from which tasks can be read: D4RL's by address, Minari's by identifier."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ _KITCHEN = {
 
 
 def d4rl_locomotion(environment: str, level: str, columns: int | None = None) -> DataFile:
-    """``hopper``, ``random`` to ``hopper-random-v2``."""
+    """The file ``hopper-random-v2`` for ``hopper`` and ``random``."""
     address = f"{HOST}/gym_mujoco_v2/{environment}_{level}-v2.hdf5"
     return DataFile(f"{environment}-{level}-v2", (address,), columns=columns)
 
 
 def d4rl_adroit(environment: str, level: str) -> DataFile:
-    """``pen``, ``cloned`` to ``pen-cloned-v0``."""
+    """The file ``pen-cloned-v0`` for ``pen`` and ``cloned``."""
     return DataFile(f"{environment}-{level}-v0", (f"{HOST}/hand_dapg/{environment}-{_ADROIT[level]}.hdf5",))
 
 
 def d4rl_kitchen(level: str) -> DataFile:
-    """``partial`` to ``kitchen-partial-v0``."""
+    """The file ``kitchen-partial-v0`` for ``partial``."""
     return DataFile(f"kitchen-{level}-v0", (f"{HOST}/kitchen/{_KITCHEN[level]}.hdf5",))
 
 
 def minari(identifier: str, columns: int | None = None) -> DataFile:
-    """``mujoco/hopper/medium-v0``."""
+    """The dataset of an identifier, e.g. ``mujoco/hopper/medium-v0``."""
     return DataFile(identifier.replace("/", "-"), (f"minari:{identifier}",), columns=columns)

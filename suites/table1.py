@@ -1,6 +1,6 @@
-"""The 24 tasks of the seed paper's Table 1: locomotion, adroit and kitchen, in its order.
+"""The 24 tasks of Table 1 of DILO's paper: locomotion, adroit and kitchen, in its order.
 
-`SUITE` mixes data as the authors' code does, `PAPER` as the paper says; locomotion is alike in both.
+`SUITE` mixes data as the authors' code does, `PAPER` as the paper states; locomotion is the same in both.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _MAKERS = {
 
 
 def demonstrator(environment: str, level: Level) -> Demonstrator | Operator:
-    """That of the suite which has the environment."""
+    """The demonstrator of the suite that has the environment."""
     maker = _MAKERS[environment]
     assert maker is not None, "all three suites can be generated"
     return maker(environment, level)
@@ -34,7 +34,7 @@ def _joined(name: str, summary: str, *parts: Suite) -> Suite:
 
 SUITE = _joined(
     "table1",
-    "the 24 tasks of the seed paper's Table 1: locomotion, adroit, kitchen",
+    "the 24 tasks of Table 1 of DILO's paper: locomotion, adroit, kitchen",
     *(locomotion.SUITE, adroit.SUITE, kitchen.SUITE),
 )
 

@@ -1,7 +1,9 @@
-"""Make one policy: ``python -m tools.adroit_distil --environment pen --policy expert --teacher TEACHER.npz``.
+"""Distillation or cloning of one policy of the hand.
 
-An expert is distilled from a teacher (``tools.locomotion_distil`` says how). A clone (``--policy clone``) needs
-none: it is fitted to the scripted demonstrations that the tasks ``…-human-expert`` are generated from, all of them.
+``python -m tools.adroit_distil --environment pen --policy expert --teacher TEACHER.npz``
+
+An expert is distilled from a teacher (see ``tools.locomotion_distil``). A clone (``--policy clone``) needs none: it is
+fitted to all scripted demonstrations that the tasks ``…-human-expert`` are generated from.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from tools.teachers import read_teacher
 
 @dataclass(frozen=True)
 class CloneSettings:
-    """How a clone is made; every field is on its card.
+    """Settings of a clone; every field is on its card.
 
     Attributes:
         seed: decides the weights together with the library versions.
@@ -38,7 +40,7 @@ class CloneSettings:
         batch: rows per step.
         rate: first learning rate.
         hidden: widths of the hidden layers.
-        recorded_std: of a recorded action about what was meant; the clone's own is never much less.
+        recorded_std: assumed std of a recorded action around its mean, about the least of the clone's own.
     """
 
     seed: int = 0
@@ -122,7 +124,7 @@ def demonstrations(task: Task) -> Episodes:
 def main(
     environment: Annotated[str, typer.Option(help="pen, door or hammer")],
     policy: Annotated[Literal["expert", "clone"], typer.Option(help="what to make")],
-    teacher: Annotated[Path | None, typer.Option(help=".npz of plain arrays; see demonstrators/teacher.py")] = None,
+    teacher: Annotated[Path | None, typer.Option(help=".npz of plain arrays; see tools/teachers.py")] = None,
     seed: Annotated[int, typer.Option(help="decides the weights")] = Settings.seed,
     rounds: Annotated[int, typer.Option(help="rounds of DAgger")] = Settings.rounds,
     output: Annotated[Path, typer.Option(help="folder of the weight file and its card")] = WEIGHTS,

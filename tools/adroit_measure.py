@@ -1,8 +1,8 @@
-"""How true the environments are, and who acts in them how well: ``python -m tools.adroit_measure --data FOLDER``.
+"""Fidelity of the hand's environments, and levels of its policies: ``python -m tools.adroit_measure --data FOLDER``.
 
 The folder holds rollouts ``{pen,door,hammer}-external-expert.hdf5`` of the policies ``policies/*-dapg.npz``, and
 ``door-human-dapg.hdf5``. Without it, only this project's own policies are measured. Every ± is a standard error; a
-success is lasting if D4RL's own account has it (`LASTING`).
+success is lasting if D4RL counts it (`LASTING`).
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from tools.locomotion_measure import Act, Array, Difference, play, standard_erro
 from tools.teachers import read_teacher
 
 FIRST_SEED = 30_000
-"""Of the reset of the files' first episode; the next is one more."""
+"""Seed of the reset of the files' first episode; consecutive episodes have consecutive seeds."""
 LONGEST = 1_000
-"""Steps of no demonstration."""
+"""More steps than any demonstration has."""
 
 
 @dataclass(frozen=True)
@@ -52,17 +52,17 @@ class Played:
 
     @property
     def success(self) -> float:
-        """Share of episodes with a successful step, as in the files' own account."""
+        """Share of episodes with a successful step, as the files count."""
         return float((self.successful_steps > 0).mean())
 
     @property
     def lasting_success(self) -> float:
-        """Share of episodes that succeed in D4RL's own account; see `LASTING`."""
+        """Share of episodes that D4RL counts as successful; see `LASTING`."""
         return float((self.successful_steps > LASTING[self.environment]).mean())
 
     @property
     def standard_error(self) -> float:
-        """Of the mean return."""
+        """Standard error of the mean return."""
         return standard_error(self.returns)
 
 
@@ -77,7 +77,7 @@ def act_out(environment: Environment, act: Act, seeds: range) -> Played:
 
 
 def recorded(environment: str, file: Path) -> Played:
-    """What a file says of its own episodes; one that tells no success is taken to have none."""
+    """Returns and successes that a file records; a file without ``success`` counts as having none."""
     with h5py.File(file) as root:
         ends = np.flatnonzero(root["terminals"][:] | root["timeouts"][:])
         starts = np.concatenate(([0], ends[:-1] + 1))
@@ -87,7 +87,7 @@ def recorded(environment: str, file: Path) -> Played:
 
 
 def step_by_step(environment: str, file: Path, episodes: range, steps: int) -> tuple[Array, Array]:
-    """Every step of some episodes from its stored state: differences of rewards and of next observations, ``[n]``.
+    """Differences of rewards and of next observations ``[n]``, each step replayed from its stored state.
 
     The stored state is float32 and lacks what the contact solver remembers, so a step in contact differs a little.
 
@@ -184,7 +184,7 @@ def _words(played: Played) -> str:
 
 
 def own(episodes: int) -> Iterator[str]:
-    """The policies behind the generated data, as they make it."""
+    """Levels of the policies of the generated data, actions sampled."""
     yield f"generated levels, {episodes} episodes: return, success, score"
     for environment in ENVIRONMENTS:
         for level in LEVELS:

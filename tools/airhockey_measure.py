@@ -1,4 +1,4 @@
-"""How often every operator succeeds, and how it fails: ``python -m tools.airhockey_measure``."""
+"""Success rates and failures of the robot's scripted demonstrators: ``python -m tools.airhockey_measure``."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ SHARE_OF_REPEATED = 10
 
 
 def lines(episodes: int, seed: int) -> Iterator[str]:
-    """A table: a heading and a line per operator."""
+    """Lines of a table: a heading, and one per demonstrator."""
     yield f"{'environment':36}{'level':17}{'episodes':>8}{'success %':>11}{'95 % interval':>16}{'steps':>8}  failures"
     for environment, levels in demonstrators().items():
-        for level, operator in levels.items():
+        for level, maker in levels.items():
             repeated = "repeated" in level
             count = SINGLE_HITS + episodes // SHARE_OF_REPEATED if repeated else episodes
-            take = operator.perform(count, np.random.default_rng(seed))
+            take = maker.perform(count, np.random.default_rng(seed))
             outcomes = Counter(take.outcomes.tolist())
             successes = outcomes.pop(SUCCESS, 0)
             bounds = binomtest(successes, count).proportion_ci(method="wilson")
@@ -39,8 +39,8 @@ def lines(episodes: int, seed: int) -> Iterator[str]:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--episodes", type=int, default=1000, help="episodes per operator")
-    parser.add_argument("--seed", type=int, default=0, help="of every operator's recording")
+    parser.add_argument("--episodes", type=int, default=1000, help="episodes per demonstrator")
+    parser.add_argument("--seed", type=int, default=0, help="of every recording")
     arguments = parser.parse_args()
     for line in lines(arguments.episodes, arguments.seed):
         sys.stdout.write(f"{line}\n")

@@ -1,4 +1,4 @@
-"""The student in PyTorch: the MLP of ``policy.GaussianTanhPolicy``, fitted to a teacher's Gaussians."""
+"""Distillation: an MLP in PyTorch fitted to a teacher's Gaussians by DAgger, and the card of its weights."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ class Student(nn.Module):
     def loss(self, observations: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
         """KL(teacher || student) plus the squared error of the mean action, per row, averaged.
 
-        The KL divergence of the unbounded Gaussians is that of the squashed ones; the second term weighs what
-        the first forgives, an error of the mean that is small beside a large std.
+        The KL divergence of the unbounded Gaussians is that of the squashed ones; the second term adds weight to
+        errors of the mean that are small compared with the std.
         """
         student_mean, student_log_std = self(observations)
         variance = torch.exp(2.0 * log_std)
@@ -112,7 +112,7 @@ PADDED_INPUTS = {27: 111}
 
 @dataclass(frozen=True)
 class Settings:
-    """How a student is made; every field is on its card.
+    """Settings of a distillation; every field is on the card.
 
     Attributes:
         seed: decides the weights together with the library versions.
@@ -143,8 +143,8 @@ def distil(environment: Environment, teacher: Teacher, settings: Settings, repor
     Args:
         environment: where both act.
         teacher: labels every visited state.
-        settings: see there.
-        report: is told one line per round.
+        settings: of the distillation.
+        report: gets one line per round.
     """
     _check_fit(environment, teacher)
     # More threads sum in another order, and the same seed would give other weights.
@@ -223,16 +223,16 @@ def make_card(
     libraries: Sequence[str] = LIBRARIES,
     episodes: int = 100,
 ) -> dict[str, Any]:
-    """Everything a reader needs to trust or remake the weights, which are measured here.
+    """The card of weights, which are measured here: origin, settings, levels, versions.
 
     Args:
         environment: where the level is measured.
-        level: what the weights are to be.
+        level: intended.
         weights: the weight file's bytes.
-        command: what makes them again.
-        method: how they were fitted, in a line.
+        command: that makes them again.
+        method: of fitting, in a line.
         settings: of the method, all of them.
-        origin: what they were fitted to, by the field's name on the card.
+        origin: fields of the card on the teacher or the demonstrations.
         libraries: whose versions decide weights and level.
         episodes: per measurement.
     """
@@ -275,7 +275,7 @@ def _levels(
 
 
 def shortfall(card: Mapping[str, Any]) -> str:
-    """What keeps the carded weights from their level, or nothing.
+    """The reason why carded weights miss their level, or nothing.
 
     An expert reaches the bar with actions sampled and without; a medium policy's sampled score is within
     ``MEDIUM_TOLERANCE`` of its teacher's.

@@ -1,4 +1,4 @@
-"""What the scripted demonstrator's data are: ``python -m tools.kitchen_measure``."""
+"""Scores and lengths of the kitchen's scripted demonstrator: ``python -m tools.kitchen_measure``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tools.locomotion_measure import returns_and_lengths, standard_error
 
 
 def levels(episodes: int) -> Iterator[str]:
-    """Of both parts of both tasks: score and its standard error, steps of an episode, and who does all four."""
+    """Lines on both parts of both tasks: score ± standard error, steps of an episode, share with all four sub-tasks."""
     for task in SUITE.tasks:
         for level in (task.recipe.expert, task.recipe.offline):
             returns, lengths = returns_and_lengths(task.environment, load("kitchen", level).act, episodes)

@@ -1,4 +1,4 @@
-"""Plans the demonstrator's paths by inverse kinematics, once: its standard output is the file that holds them.
+"""Paths of the kitchen's scripted demonstrator, planned by inverse kinematics; standard output is the file.
 
 ``python -m tools.kitchen_plan > suites/franka/paths.safetensors``
 
@@ -23,7 +23,7 @@ Vector = NDArray[np.float64]
 
 LOWEST = np.array([-2.85, -1.74, -2.85, -3.0, -2.85, 0.02, -2.85])
 HIGHEST = np.array([2.85, 1.74, 2.85, -0.45, 2.85, 2.05, 2.85])
-"""Of the joints, radians, a little within what both the model and its controller allow."""
+"""Limits of the joints in radians, a little within those of the model and its controller."""
 BEYOND_SITE = 0.043
 """Metres from the model's site ``end_effector`` to between the fingertips."""
 
@@ -87,7 +87,7 @@ class Arm:
         return joints, float(np.linalg.norm(target - self.pose(joints)[0]))
 
     def search(self, target: Vector, forward: Vector, up: Vector, near: Vector, tries: int = 16) -> Vector:
-        """Of the solutions from random starts around `near`, the one that turns no joint far from it.
+        """The solution, among those from random starts around `near`, with the smallest displacement of a joint.
 
         Raises:
             ValueError: where the target is out of reach.
@@ -106,7 +106,7 @@ class Arm:
         return best[1]
 
     def load(self, position: Vector) -> Vector:
-        """Torques and forces ``[9]`` that gravity asks of the actuators at rest in a position ``[9]``."""
+        """Torques and forces ``[9]`` of the actuators against gravity, at rest in a position ``[9]``."""
         self._data.qpos[:ROBOT] = position
         self._data.qvel[:] = 0.0
         mujoco.mj_forward(self._model, self._data)
@@ -123,7 +123,7 @@ JOINT_STEP, LINE_STEP = 0.06, 0.012
 """Radians, or metres of the fingertips, between neighbouring points of a path."""
 
 UPRIGHT, ON_ITS_SIDE = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
-"""Where the gripper's first axis points. On its side, the fingers lie above one another and bear a push sideways."""
+"""Directions of the gripper's first axis. On its side, the fingers lie above one another and bear a push sideways."""
 POINTING = np.array([0.3, 1.0, -0.3])
 """Pointing a little down, as the sixth joint does not turn far enough to point level everywhere."""
 
@@ -231,20 +231,20 @@ def bottom_burner(arm: Arm) -> tuple[Draft, Draft]:
 
 
 def top_burner(arm: Arm) -> tuple[Draft, Draft]:
-    """The same with the upper knob, which has more room above it."""
+    """The same with the upper knob, which has more free space above it."""
     return _turn(arm, np.array([-0.256, 0.65, 2.34]), 0.04)
 
 
 def _turn(arm: Arm, knob: Vector, lever: float) -> tuple[Draft, Draft]:
-    """Along the arc of the knob's top, beside which the fingers are."""
+    """Along the arc of the knob's top, with the fingers next to it."""
 
-    def beside(angle: float) -> tuple[float, float, float]:
+    def next_to_knob(angle: float) -> tuple[float, float, float]:
         sine, cosine = float(np.sin(angle)), float(np.cos(angle))
         return knob[0] + lever * sine - 0.028 * cosine, knob[1], knob[2] + lever * cosine + 0.028 * sine
 
-    first, last = beside(-0.15), beside(1.5)
+    first, last = next_to_knob(-0.15), next_to_knob(1.5)
     entry = [(first[0] - 0.02, first[1] - 0.14, first[2] + 0.01), (first[0] - 0.015, first[1] - 0.03, first[2]), first]
-    arc = [beside(angle) for angle in np.linspace(-0.15, 1.5, 6)[1:]]
+    arc = [next_to_knob(angle) for angle in np.linspace(-0.15, 1.5, 6)[1:]]
     return _push(arm, ON_ITS_SIDE, entry, [*arc, (last[0] + 0.05, last[1], last[2])], 0.0045)
 
 

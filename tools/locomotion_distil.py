@@ -1,7 +1,7 @@
-"""Make one demonstrator: ``python -m tools.locomotion_distil --environment ant --level expert …``.
+"""Distillation of a locomotion demonstrator: ``python -m tools.locomotion_distil --environment ant --level expert …``.
 
-The teacher is any policy in the layout of ``teacher.py``, or with ``--from-scratch STEPS`` one trained here.
-Weights that miss their level (``card.shortfall``) are not written.
+The teacher is any policy in the layout of ``tools/teachers.py``, or with ``--from-scratch STEPS`` one trained here.
+Weights that miss their level (``distillation.shortfall``) are not written.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _teacher(environment: Environment, path: Path | None, steps: int | None, see
 def main(
     environment: Annotated[str, typer.Option(help="hopper, halfcheetah, walker2d or ant")],
     level: Annotated[Literal["medium", "expert"], typer.Option(help="level that the student must meet")],
-    teacher: Annotated[Path | None, typer.Option(help=".npz of plain arrays; see teacher.py")] = None,
+    teacher: Annotated[Path | None, typer.Option(help=".npz of plain arrays; see tools/teachers.py")] = None,
     from_scratch: Annotated[int | None, typer.Option(help="environment steps of TQC")] = None,
     seed: Annotated[int, typer.Option(help="decides the weights")] = Settings.seed,
     exploration: Annotated[float, typer.Option(help="factor on the teacher's std")] = Settings.exploration,
@@ -75,7 +75,7 @@ def main(
 
 
 def write_policy(stem: Path, weights: bytes, card: dict[str, Any], console: Console) -> None:
-    """Write a weight file and its card side by side; `stem` is the path of both without suffix."""
+    """Write a weight file and its card; `stem` is the path of both without suffix."""
     stem.parent.mkdir(parents=True, exist_ok=True)
     stem.with_suffix(".safetensors").write_bytes(weights)
     stem.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What a policy's level is: return and normalised score over fixed episodes."""
+"""Levels of policies: return and normalised score over fixed episodes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Measurement:
 
 
 class Step(NamedTuple):
-    """A step of an episode: the observation ``[obs]`` before it, and what the environment said of it."""
+    """A step of an episode: the observation ``[obs]`` before it, its reward and ``info``."""
 
     observation: FloatArray
     reward: float
@@ -84,18 +84,18 @@ def measure(environment: Environment, act: Act, episodes: int = 100) -> Measurem
 
 
 def standard_error(values: Array) -> float:
-    """Of the mean of independent values ``[E]``; NaN for a single one."""
+    """Standard error of the mean of independent values ``[E]``; NaN for a single one."""
     return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Of episodes that begin alike, under one condition and under another.
+    """Paired difference of episodes with equal starts under two conditions.
 
     Attributes:
         mean: of the first condition less the second.
         error: standard error of `mean`, from the differences episode by episode.
-        unpaired_error: the same as if no episode of one had to do with one of the other.
+        unpaired_error: the same for independent samples.
         median_size: median of the differences' absolute values.
     """
 
@@ -106,7 +106,7 @@ class Difference:
 
     @classmethod
     def between(cls, one: Array, other: Array) -> Difference:
-        """Of values ``[E]``, the k-th of both from the same start."""
+        """The difference of values ``[E]``, the k-th of both from the same start."""
         differences = one - other
         return cls(
             mean=float(differences.mean()),

@@ -1,4 +1,4 @@
-"""A teacher of one's own: TQC (Kuznetsov et al., 2020, arXiv:2005.04269) by sb3-contrib, from scratch."""
+"""A teacher trained from scratch: TQC (Kuznetsov et al., 2020, arXiv:2005.04269) by sb3-contrib."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tools.teachers import Array, Teacher
 
 
 def train_teacher(environment: Environment, steps: int, seed: int) -> Teacher:
-    """TQC's actor after `steps` environment steps; the fewer, the further from an expert.
+    """TQC's actor after `steps` environment steps; fewer steps make a weaker policy.
 
     Raises:
         UserError: the extra ``experts`` is not installed.

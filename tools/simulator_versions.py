@@ -1,4 +1,4 @@
-"""How much it matters which version of a MuJoCo environment a policy is evaluated on: ``-v4`` against ``-v5``.
+"""Effect of the MuJoCo environments' version, ``-v4`` or ``-v5``, on the scores of policies.
 
 D4RL's files are evaluated on ``-v4``, generated data and Minari's on ``-v5``. The same policies from the same seeds::
 
@@ -19,7 +19,7 @@ from tools.locomotion_measure import Array, Difference, returns_and_lengths
 
 
 def scores_on(environment: Environment, level: str, episodes: int) -> Array:
-    """Of a demonstrator in an environment, its actions sampled, ``[episodes]``."""
+    """Scores ``[episodes]`` of a demonstrator in an environment, its actions sampled."""
     returns, _ = returns_and_lengths(environment, load(environment.name, level).act, episodes)
     return np.array([environment.normalized_score(value) for value in returns])
 

@@ -1,7 +1,7 @@
-"""A teacher: any Gaussian MLP policy, read from an ``.npz`` of plain arrays.
+"""Teachers: Gaussian MLP policies, read from an ``.npz`` of plain arrays.
 
 Layout: layers ``W0, b0, W1, b1, …`` (``Wi`` is ``[out, in]``) with activation ``hidden``, the last one
-linear; ``logstd`` ``[act]``, or a head ``logstd_W`` ``[act, in]``, ``logstd_b`` ``[act]`` beside the last
+linear; ``logstd`` ``[act]``, or a head ``logstd_W`` ``[act, in]``, ``logstd_b`` ``[act]`` next to the last
 layer; optionally ``obs_mean, obs_var, obs_eps, obs_clip`` (Stable-Baselines3) or ``in_shift, in_scale,
 out_shift, out_scale`` (DAPG, https://github.com/aravindr93/hand_dapg); ``squash``: whether a tanh follows;
 ``meta``: JSON with the upstream ``source``, ``path`` and ``licence``.
@@ -44,7 +44,7 @@ class Teacher:
     Attributes:
         weights: layers ``[out, in]``; the last one gives the Gaussian's mean.
         biases: their ``[out]``.
-        log_std_weight: head ``[act, hidden]`` beside the last layer; zeros where the std is constant.
+        log_std_weight: head ``[act, hidden]`` next to the last layer; zeros where the std is constant.
         log_std_bias: its ``[act]``.
         shift: ``[in]`` of the observation standardisation ``(x - shift) / scale``.
         scale: ``[in]``.

@@ -1,4 +1,4 @@
-"""How the authors' loops are written, one seed, eager, the data on the host.
+"""Reference loops in the manner of the authors' code: one seed, eager, data on the host.
 
-They are references to time against and nobody's source: where nothing is known of a cost, there is none here.
+Written for timing, not copied from any source; costs that are not known are left out.
 """

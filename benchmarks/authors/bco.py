@@ -1,4 +1,4 @@
-"""BCO. No author's code is public: these are 3.8's choices, written as the others' loops are.
+"""BCO, whose authors' code is not public: the choices of methods/bco.py, written like the other loops.
 
 The demonstration is labelled once, between the two stages, as the formulas read: nothing in a cloning step needs the
 inverse dynamics model.

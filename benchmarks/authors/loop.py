@@ -1,4 +1,4 @@
-"""What the authors' loops share: their interface, and the pieces that each of them writes with torch.nn."""
+"""Common parts of the authors' loops: their interface, and blocks in plain torch.nn."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class Twins(nn.Module):
 
 
 def adam(parameters: Iterable[Tensor], learning_rate: float, weight_decay: float = 0.0) -> torch.optim.Adam:
-    """Adam as it was when the authors' torch was new: parameter by parameter, operation by operation."""
+    """Adam as in the torch of the authors' time: parameter by parameter, operation by operation."""
     return torch.optim.Adam(parameters, learning_rate, weight_decay=weight_decay, foreach=False, fused=False)
 
 
@@ -181,7 +181,7 @@ def _log_density(pre_tanh: Tensor, action: Tensor, mean: Tensor, log_std: Tensor
 
 
 def discriminator(shapes: Shapes, hidden: Sequence[int], device: torch.device) -> nn.Module:
-    """D(s), as initialised: what its training made of it costs a main step nothing."""
+    """D(s), as initialised: its weights do not affect the time of a main step."""
     network = perceptron((shapes.observation, *hidden, 1), activation=nn.Tanh)
     return network.to(device).requires_grad_(False)
 

@@ -1,6 +1,6 @@
-"""The policies that make the generated data: random, medium and expert for each locomotion environment.
+"""Demonstrators of the generated locomotion data: random, medium and expert policies of each environment.
 
-Weights and their cards lie in ``weights/``; ``distil.py`` makes them.
+Weights and their cards lie in ``weights/``; ``tools/locomotion_distil.py`` in the repository makes them.
 """
 
 from __future__ import annotations

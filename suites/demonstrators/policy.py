@@ -1,4 +1,4 @@
-"""The policies behind the generated data, as NumPy functions that act on one observation at a time."""
+"""Policies of the generated data, as NumPy functions of one observation at a time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class UniformPolicy:
 
     @property
     def fingerprint(self) -> str:
-        """Hash of the rule and the number of columns, which decide everything."""
+        """Hash of the rule and the number of columns."""
         return hashlib.sha256(f"uniform in [-1, 1], {self.actions} columns, float32".encode()).hexdigest()
 
     def act(self, observation: FloatArray, generator: np.random.Generator) -> FloatArray:
@@ -41,8 +41,8 @@ class GaussianTanhPolicy:
     (means, then log-stds), and ``squash``: 1 where tanh bounds the sample (the Gaussian of SAC and TQC), 0
     where clipping does (that of TRPO and PPO). The observation standardisation is folded into the first layer.
 
-    Computed in float64 and rounded once at the end: processors sum in different orders, and in float32 the last
-    bit of an action would be theirs to choose, and with it every later state of the episode.
+    Computed in float64 and rounded once at the end: processors sum in different orders, which in float32 would
+    change the last bit of an action, and with it every later state of the episode.
 
     Args:
         content: a ``.safetensors`` file's bytes.

@@ -1,4 +1,4 @@
-"""D4RL's kitchen by its numbers: sub-tasks, where they lie in an observation, their goals, the sensors' noise."""
+"""Constants of D4RL's kitchen: sub-tasks, their coordinates in an observation, their goals, the sensors' noise."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ SUB_TASKS: dict[Variant, tuple[str, ...]] = {
     "partial": ("microwave", "kettle", "light switch", "slide cabinet"),
     "mixed": ("microwave", "kettle", "bottom burner", "light switch"),
 }
-"""Which four are scored, as in D4RL's environments of these names."""
+"""The four scored sub-tasks of D4RL's environments of these names."""
 
 ROBOT, OBJECTS = 9, 21
-"""Joints of arm and gripper, and coordinates of what it handles: together the 30 of a configuration."""
+"""Joints of arm and gripper, and coordinates of the objects: together the 30 of a configuration."""
 JOINTS = 7
-"""Of the arm; they come first, the two fingers after them."""
+"""Joints of the arm, which come first; the two fingers come after them."""
 
 GOALS: dict[str, tuple[slice, tuple[float, ...]]] = {
     "bottom burner": (slice(11, 13), (-0.88, -0.01)),
@@ -32,10 +32,10 @@ GOALS: dict[str, tuple[slice, tuple[float, ...]]] = {
     "microwave": (slice(22, 23), (-0.75,)),
     "kettle": (slice(23, 30), (-0.23, 0.75, 1.62, 0.99, 0.0, 0.0, -0.06)),
 }
-"""Where in a configuration a sub-task's coordinates lie (radians, metres, a quaternion), and their goal."""
+"""Coordinates of a sub-task in a configuration (radians, metres, a quaternion), and their goal."""
 
 NOISE_RATIO = 0.1
-"""Of D4RL's sensors; gymnasium-robotics has less."""
+"""Noise ratio of D4RL's sensors; gymnasium-robotics has less."""
 OBJECT_NOISE = np.array(
     [0.005] * 2 + [0.0005] * 6 + [0.005] * 3 + [0.1] * 3 + [0.005] * 3 + [0.1] * 3 + [0.005], np.float64
 )

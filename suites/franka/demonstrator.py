@@ -1,8 +1,8 @@
-"""The scripted demonstrator: follows planned paths, and tells where on which of them it is from the observation alone.
+"""The kitchen's scripted demonstrator: a memoryless policy that follows planned paths.
 
-It keeps nothing in mind between two steps. Which sub-tasks are completed can be seen; which one is under way is the one
-whose path is nearest; how far it has got is the path's nearest point; the command is a point some way ahead of that. In
-the hub, where all paths begin, the next sub-task is chosen.
+The observation decides everything: completed sub-tasks show in the objects; the current sub-task is the one with the
+nearest path, and the progress its nearest point; the command is a point some way ahead of that. In the hub, where all
+paths begin, the next sub-task is chosen.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from suites.franka.constants import JOINTS, OBJECTS, ROBOT, SUB_TASKS
 
 FILE = Path(__file__).parent / "paths.safetensors"
 RULES = 1
-"""Grows with every change of this module that changes an action."""
+"""Part of the fingerprint; raised with every change of this module that changes an action."""
 
 FINGER_WEIGHT = 10.0
 """Radians of distance that a metre of the fingers' mean counts."""
@@ -33,23 +33,23 @@ HUB_RADIUS = 0.06
 """Radians from the hub, as a norm over the joints, within which the next sub-task is chosen; noise is below 0.03."""
 
 LEAVES = 0.03
-"""Metres that the fingers must be open for the arm to leave the hub: on ways out they are open, on ways in closed."""
+"""Least opening of the fingers, in metres, for the arm to leave the hub: on outward paths they are open."""
 
 AHEAD, AHEAD_AT_KNOBS = 4, 8
 """Points of a path between the nearest and the commanded one; the arm follows with a lag, and pushes with it."""
 KNOBS = ("bottom burner", "top burner")
 
 END = 12
-"""Points at the end of a way out that are still followed, and then back, once the sub-task is seen to be completed."""
+"""Points at the end of an outward path that are still followed, before the way back, once the sub-task is completed."""
 
 EPISODE_SUB_TASKS = 4
-"""How many sub-tasks an episode of the offline levels completes; then the arm rests."""
+"""Sub-tasks that an episode of the offline levels completes; then the arm rests."""
 
 Array = NDArray[np.float64]
 
 
 class Sign(NamedTuple):
-    """By what a completed sub-task is seen: an object's coordinate beyond a limit, in the direction of `sense`."""
+    """Sign of a completed sub-task: an object's coordinate beyond a limit, in the direction of `sense`."""
 
     coordinate: int
     limit: float
@@ -67,7 +67,7 @@ SIGNS = {
 
 
 class Route(NamedTuple):
-    """A path: features ``[n, 8]`` of its positions, commands ``[n, 9]``, and how many points ahead to aim."""
+    """A path: features ``[n, 8]`` of its positions, commands ``[n, 9]``, and the number of points to aim ahead."""
 
     features: Array
     commands: Array
@@ -80,17 +80,17 @@ class Route(NamedTuple):
         return float(squares[point]) ** 0.5, point
 
     def command(self, point: int) -> Array:
-        """What to command at a point."""
+        """The command at a point."""
         wanted: Array = self.commands[min(point + self.ahead, len(self.commands) - 1)]
         return wanted
 
 
 class ScriptedDemonstrator:
-    """Completes sub-tasks in the kitchen.
+    """A policy that completes sub-tasks in the kitchen.
 
     Args:
         content: of ``paths.safetensors``.
-        order: the sub-tasks one after the other; None takes four at random.
+        order: of the sub-tasks; None takes four at random.
         never: sub-tasks that an episode does not complete all of.
         noise: standard deviation of the Gaussian noise on every joint's action.
     """
@@ -114,35 +114,37 @@ class ScriptedDemonstrator:
 
     @property
     def fingerprint(self) -> str:
-        """A hash of the paths and of what is done with them."""
+        """Hash of the paths and of all that decides an action."""
         return self._fingerprint
 
     def act(self, observation: FloatArray, generator: np.random.Generator) -> FloatArray:
         """Velocities ``[9]`` for an observation ``[60]`` or ``[30]``, of which the goal is not read."""
-        seen = observation[: ROBOT + OBJECTS].astype(np.float64)
-        aim = (self._command(seen, generator) - seen[:ROBOT]) / REACH
+        configuration = observation[: ROBOT + OBJECTS].astype(np.float64)
+        aim = (self._command(configuration, generator) - configuration[:ROBOT]) / REACH
         # All joints by one factor, so that none runs ahead of the others and off the path.
         aim[:JOINTS] /= max(1.0, float(np.abs(aim[:JOINTS]).max()))
         aim[:JOINTS] += self._noise * generator.standard_normal(JOINTS)
         action: FloatArray = np.clip(aim, -1.0, 1.0).astype(np.float32)
         return action
 
-    def _command(self, seen: Array, generator: np.random.Generator) -> Array:
-        done = {name for name, sign in SIGNS.items() if sign.sense * (seen[sign.coordinate] - sign.limit) > 0.0}
+    def _command(self, configuration: Array, generator: np.random.Generator) -> Array:
+        done = {
+            name for name, sign in SIGNS.items() if sign.sense * (configuration[sign.coordinate] - sign.limit) > 0.0
+        }
         wanted = self._wanted(done)
-        if np.linalg.norm(seen[:JOINTS] - self._hub) < HUB_RADIUS:
-            if not wanted or seen[JOINTS:ROBOT].mean() < LEAVES:
+        if np.linalg.norm(configuration[:JOINTS] - self._hub) < HUB_RADIUS:
+            if not wanted or configuration[JOINTS:ROBOT].mean() < LEAVES:
                 return self._rest
             chosen = self._do[wanted[int(generator.integers(len(wanted)))]]
             return chosen.command(0)
-        here = _features(seen)
+        here = _features(configuration)
         routes = [self._start, *(self._do[name] for name in wanted)]
         routes += [route for name in sorted(done) for route in (self._end[name], self._back[name])]
         (_, point), route = min(((route.nearest(here), route) for route in routes), key=lambda found: found[0])
         return route.command(point)
 
     def _wanted(self, done: set[str]) -> list[str]:
-        """The sub-tasks of which one may be next."""
+        """Candidates of the next sub-task."""
         if self._order is not None:
             return [name for name in self._order if name not in done][:1]
         if len(done) >= EPISODE_SUB_TASKS:
@@ -170,6 +172,6 @@ def _route(tensors: Mapping[str, NDArray[np.floating[Any]]], name: str, ahead: i
 
 
 def _features(position: Array) -> Array:
-    """What of a position ``[9, ...]`` a path is compared by ``[8]``."""
+    """Features ``[8]`` of a position ``[9, ...]`` by which paths are compared."""
     features: Array = np.append(position[:JOINTS], FINGER_WEIGHT * position[JOINTS:ROBOT].mean())
     return features

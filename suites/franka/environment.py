@@ -1,10 +1,10 @@
 """gymnasium-robotics' ``FrankaKitchen-v1`` as D4RL scores it, with one flat observation.
 
-What is the same in both: the arm with velocity commands at 12.5 Hz, the start, the sub-tasks' goals, a reward of one
+Both have in common: the arm with velocity commands at 12.5 Hz, the start, the sub-tasks' goals, a reward of one
 for every scored sub-task that a step completes for the first time, and an end once all four are completed. So a return
-counts sub-tasks, from 0 to 4. What is not: the dynamics of arm, doors and knobs. gymnasium-robotics' model is a newer
-one, and nothing of D4RL's was replayed in it; and it judges a sub-task by where an object is, D4RL by where
-its noisy sensors see it, which differs by less than a tenth of the threshold.
+counts sub-tasks, from 0 to 4. They differ in the dynamics of arm, doors and knobs: gymnasium-robotics' model is
+a newer one, and nothing of D4RL's was replayed in it. And it judges a sub-task by an object's position, D4RL by the
+reading of its noisy sensors, which differs by less than a tenth of the threshold.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ class Kitchen(gymnasium.Env[FloatArray, NDArray[np.floating[Any]]]):
     The layouts of an observation:
 
     - ``d4rl-with-goal`` ``[60]``: 9 coordinates of the robot, 21 of the objects, both with D4RL's noise, and the 30 of
-      the variant's goal. The kitchen goal-vector trap: D4RL's files hold the goal of the variant that
-      each was made for, so the expert rows of ``complete`` differ from every row of ``mixed`` by a constant vector,
-      which says of any row whether it is the expert's; and a policy meets the goal of the variant it is evaluated in.
+      the variant's goal. The kitchen goal-vector trap: D4RL's files hold the goal of the variant that each was made
+      for, so the expert rows of ``complete`` differ from every row of ``mixed`` by a constant vector, which
+      identifies the expert; and a policy gets the goal of the variant it is evaluated in.
     - ``d4rl-without-goal`` ``[30]``: the same without the goal. Of a file, read the first 30 columns.
     - ``minari`` ``[59]``: gymnasium-robotics' own: coordinates and velocities of the robot (9, 9) and of the objects
       (21, 20), with that environment's lesser noise and no goal.
 
-    Every reset and step tells in ``info`` what is ``completed``: names of scored sub-tasks, in order.
+    ``info`` of every reset and step holds ``completed``: names of the scored sub-tasks that are, in order.
 
     Args:
         variant: D4RL's name for which four sub-tasks are scored.
@@ -44,7 +44,7 @@ class Kitchen(gymnasium.Env[FloatArray, NDArray[np.floating[Any]]]):
 
     Attributes:
         model: MuJoCo's.
-        data: MuJoCo's, of which the truth can be read.
+        data: MuJoCo's, with the true state.
 
     Raises:
         ValueError: for another variant or layout.

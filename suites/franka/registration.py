@@ -1,4 +1,4 @@
-"""Registers the environment when it is imported, so ``suites.franka.registration:lfobench/…`` is a complete id."""
+"""Registration on import, so that ``suites.franka.registration:lfobench/…`` is a complete id."""
 
 from __future__ import annotations
 

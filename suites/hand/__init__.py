@@ -1,4 +1,4 @@
-"""Adroit's hand from gymnasium-robotics, so adapted that a return means what it means on D4RL's ``-v0``.
+"""Adroit's hand from gymnasium-robotics, adapted to the returns of D4RL's ``-v0`` environments.
 
 D4RL: Fu et al., 2020, arXiv:2004.07219. The tasks and their rewards: Rajeswaran et al., 2018, arXiv:1709.10087.
 """
@@ -9,11 +9,11 @@ HORIZONS = {"pen": 100, "door": 200, "hammer": 200}
 """Steps of an episode, per environment."""
 
 LASTING = {"pen": 20, "door": 25, "hammer": 25}
-"""An episode succeeds in D4RL's own account, ``evaluate_success``, if more of its steps than these are successful."""
+"""An episode succeeds by D4RL's own count, ``evaluate_success``, if more of its steps than these are successful."""
 
 
 def identifier(environment: str) -> str:
-    """``pen`` to what `Environment.id` takes."""
+    """The `Environment.id` of an environment's short name, e.g. ``pen``."""
     return f"suites.hand.registration:{_name(environment)}"
 
 

@@ -1,9 +1,9 @@
-"""The three environments: gymnasium-robotics' simulation, judged as D4RL judges it.
+"""The three environments: gymnasium-robotics' simulation with D4RL's rewards and ends of episodes.
 
-What differs there: door and hammer reward a palm that is far from its object, where D4RL rewards one that is near; a
-dropped pen goes on, for 200 steps. Observations, actions, starts and ``info["success"]`` are the same. Success is that
-of a step; an episode counts as successful where one of its steps is. It tells no outcome: its score is a normalised
-return, and records that tell outcomes would be shown as counts of successes.
+gymnasium-robotics differs in this: its door and hammer reward a palm that is far from its object, where D4RL rewards
+one that is near, and its pen goes on for 200 steps after a drop. Observations, actions, starts and ``info["success"]``
+are the same. Success is that of a step; an episode counts as successful where one of its steps is. ``info`` has no
+``outcome``: the score is a normalised return, and records with outcomes would be shown as counts of successes.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from suites.hand import rewards
 from suites.robotics import imported
 
 Judgement = tuple[float, bool]
-"""Reward of a step, and whether the episode ended in it."""
+"""Reward of a step, and whether it ended the episode."""
 
 
 class HandEnvironment(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """A simulation of gymnasium-robotics under rules of its own.
+    """A simulation of gymnasium-robotics with other rewards and ends.
 
     Args:
         simulation: with its arena and its starts.
-        judge: the reward and the end, out of the simulation as a step left it.
+        judge: reward and end of a step, from the simulation after it.
     """
 
     def __init__(self, simulation: gymnasium.Env[Any, Any], judge: Callable[[Any], Judgement]) -> None:

@@ -1,8 +1,8 @@
-"""Who makes the generated data of pen, door and hammer, level by level.
+"""Demonstrators of the generated data of pen, door and hammer, by level.
 
-``expert`` was distilled from the policies behind D4RL's expert sets; ``scripted`` stands in for people; ``cloned`` is
-half ``scripted``, all of it new demonstrations, and half a clone of it. Weights and their cards lie in ``weights/``;
-``distil.py`` makes them.
+``expert`` was distilled from the policies behind D4RL's expert sets; ``scripted`` takes the place of people; ``cloned``
+is half ``scripted``, all of it new demonstrations, and half a clone of it. Weights and their cards lie in ``weights/``;
+``tools/adroit_distil.py`` in the repository makes them.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ HAND_COLUMNS = 24
 
 
 def begins(observation: FloatArray) -> bool:
-    """Whether an episode starts in this observation ``[obs]``: the hand is in its first pose, to the last bit.
+    """Whether an observation ``[obs]`` is an episode's first: the hand is in its initial pose, to the last bit.
 
-    Nothing else tells a policy of a reset, and no step leads back there.
+    Policies get no other signal of a reset, and no step leads back to that pose.
     """
     return not observation[:HAND_COLUMNS].any()
 
 
 @dataclass(frozen=True)
 class Manner:
-    """How a person differs from the expert.
+    """Differences between a person and the expert.
 
     Attributes:
-        lag: steps in which the command covers 63 % of the way to the expert's.
-        tremor: std of the noise on the command at its worst; an episode has a uniform share of it.
-        tremor_time: steps over which the tremor forgets.
+        lag: time constant, in steps, of the command's approach to the expert's action.
+        tremor: greatest std of the noise on the command; an episode has a uniform share of it.
+        tremor_time: correlation time of the tremor in steps.
         pause_every: mean steps from one pause to the next.
         pause: mean steps of a pause.
         detour_every: mean steps from one detour to the next.
@@ -56,11 +56,13 @@ class Manner:
 
 
 class ScriptedPolicy:
-    """A policy with a memory of its episode; a fresh one acts as any other with the same generator.
+    """A scripted person: the expert's mean action with lag, tremor, pauses and detours.
+
+    It keeps the state of its episode; a new one acts as any other with the same generator.
 
     Args:
-        expert: whose mean action it means to do.
-        manner: see there.
+        expert: whose mean action is followed.
+        manner: differences from the expert.
     """
 
     def __init__(self, expert: GaussianTanhPolicy, manner: Manner) -> None:
@@ -74,7 +76,7 @@ class ScriptedPolicy:
 
     @property
     def fingerprint(self) -> str:
-        """Of the expert, the manner and this rule."""
+        """Hash of the expert, the manner and this rule."""
         rule = f"lagging command with tremor, pauses and detours, 1: {astuple(self._manner)}"
         return hashlib.sha256(f"{rule} of {self._expert.fingerprint}".encode()).hexdigest()
 
@@ -102,10 +104,10 @@ class ScriptedPolicy:
 
 
 class Halves:
-    """Whoever has made fewer steps so far acts in the next episode; the first one, where they are even.
+    """Two policies that alternate by episodes: the one with fewer steps so far acts next, the first one at equality.
 
     Args:
-        policies: two, the one that begins first.
+        policies: the two, the one that begins first.
     """
 
     def __init__(self, *policies: Demonstrator) -> None:
@@ -115,7 +117,7 @@ class Halves:
 
     @property
     def fingerprint(self) -> str:
-        """Of both policies and this rule."""
+        """Hash of both policies and this rule."""
         rule = "the one of fewer steps acts, 1: " + " ".join(policy.fingerprint for policy in self._policies)
         return hashlib.sha256(rule.encode()).hexdigest()
 
@@ -132,8 +134,9 @@ LEVELS = ("scripted", "cloned", "expert")
 
 # Chosen so that door's return and success are about those of the human demonstrations behind D4RL's door-human where
 # these are played whole, for 223 to 300 steps: a return of 794, a score of 29, success in 0.32 of them. But scripted
-# episodes end at 200 steps; within those the demonstrations return 170, success in 0.28, so the stand-in is the better.
-# What people reach with pen and hammer is not known here; their stand-ins score 30 to 45.
+# episodes end at 200 steps; within those the demonstrations return 170, success in 0.28, so the scripted ones are
+# better.
+# Scores of people with pen and hammer are not known; the scripted ones are 30 to 45.
 MANNERS = {
     "pen": Manner(lag=16, tremor=0.4, tremor_time=8, pause_every=60, pause=10, detour_every=80, detour=5),
     "door": Manner(lag=13, tremor=0.07, tremor_time=8, pause_every=100, pause=5, detour_every=300, detour=4),

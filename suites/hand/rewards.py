@@ -1,4 +1,4 @@
-"""D4RL's dense rewards of one step, out of where things are (Rajeswaran et al., 2018, arXiv:1709.10087, appendix).
+"""D4RL's dense rewards of a step, from positions and velocities (Rajeswaran et al., 2018, arXiv:1709.10087, appendix).
 
 Positions are ``[3]`` in metres, directions ``[3]`` of length 1, angles in radians, velocities ``[joints]``.
 """
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 OPEN = 1.57
 """Angle of the open door."""
 IN_PLACE = 0.075
-"""Metres from its place within which the pen counts as there."""
+"""Metres from its goal within which the pen is in place."""
 DROPPED_BELOW = 0.075
 """Height in metres below which the pen has fallen out of the hand."""
 LIFTED_ABOVE = 0.04
@@ -33,12 +33,12 @@ def pen(position: Array, goal: Array, direction: Array, wanted: Array) -> float:
 
 
 def dropped(position: Array) -> bool:
-    """Whether the pen fell, which ends the episode."""
+    """Whether the pen was dropped, which ends the episode."""
     return bool(position[2] < DROPPED_BELOW)
 
 
 def door(palm: Array, handle: Array, hinge: float, velocities: Array) -> float:
-    """Costs of the palm's distance to the handle, of what the hinge's angle lacks and of motion, and bonuses.
+    """Costs of the palm's distance to the handle, of the angle still to go and of motion, and bonuses.
 
     2 above an angle of 0.2, 8 more above 1.0, 10 more above 1.35.
     """

@@ -1,4 +1,4 @@
-"""The seed paper's robot tasks, simulated: an arm on a tilted air-hockey table."""
+"""The robot tasks of DILO's paper, simulated: an arm on a tilted air-hockey table."""
 
 from __future__ import annotations
 

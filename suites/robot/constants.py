@@ -1,4 +1,4 @@
-"""Every number of the simulated robot, with its unit and whether the paper gives it or we do.
+"""Constants of the simulated robot, each with its unit and its origin: the paper, or a choice of ours.
 
 Lengths are in metres: x runs along the table from the robot's end (0) to the far end, y across it with 0 in the middle.
 """
@@ -11,13 +11,13 @@ Origin = Literal["paper", "ours"]
 
 
 class Constant(float):
-    """A number that knows its unit, who chose it, and why.
+    """A number with its unit, origin and reason.
 
     Args:
         value: in `unit`.
         unit: ``1`` where there is none.
         origin: ``paper``, or ``ours`` where the paper is silent.
-        why: what it stands for and, where it is ours, the reason.
+        why: meaning and, where it is ours, the reason.
     """
 
     unit: str
@@ -54,7 +54,7 @@ PHYSICS_RATE = Constant(240, "Hz", "ours", "whole substeps per frame (4) and per
 CLIP_X = Constant(0.26, "m", "paper", "largest commanded displacement per control step, along the table")
 CLIP_Y = Constant(0.13, "m", "paper", "largest commanded displacement per control step, across the table")
 SERVO_TIME_CONSTANT = Constant(0.1, "s", "ours", "first-order tracking of the target; two control steps of lag")
-VELOCITY_LIMIT = Constant(1.0, "m/s", "ours", "speed of the tip that such an arm is allowed beside people")
+VELOCITY_LIMIT = Constant(1.0, "m/s", "ours", "speed of the tip that such an arm is allowed near people")
 FORCE_LIMIT = Constant(100, "N", "ours", "what the arm gives; 50 m/s^2 at its own mass")
 OVERLOAD_FORCE = Constant(75, "N", "ours", "demand that counts as an overload; a hit puck asks for less than 30")
 OVERLOAD_TIME = Constant(0.03, "s", "ours", "a longer overload is an emergency stop; a full start takes 0.017")

@@ -1,6 +1,6 @@
 """The three Gymnasium environments: one world each, and n worlds in lock step as vector environments.
 
-Gymnasium's own limit on steps knows no outcome: where `max_episode_steps` is not the task's, give `horizon` as well.
+Gymnasium's own step limit reports no outcome: where `max_episode_steps` is not the task's, give `horizon` as well.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _SLACK = 0.1
 
 
 def action_space() -> Box:
-    """Two fractions of the robot's clip."""
+    """Fractions ``[2]`` of the robot's clip."""
     return Box(-1.0, 1.0, (2,), np.float32)
 
 
 def observation_space(task: RobotTask) -> Box:
-    """Bounds that no observation passes: the table for positions, the arm's limits for its velocity."""
+    """Bounds of observations: the table for positions, the arm's limits for its velocity."""
     slack, side = _SLACK, float(constants.TABLE_WIDTH) / 2
     low, high = [-slack, -side - slack], [constants.TABLE_LENGTH + slack, side + slack]
     if task.puck == "resting":
@@ -51,8 +51,8 @@ def observation_space(task: RobotTask) -> Box:
 class RobotEnvironment(gymnasium.Env[Any, Any]):
     """One world of a task.
 
-    Every reset and step tells the true positions in ``info``: ``effector`` ``[2]`` and, where there is one, ``puck``
-    ``[2]``; the last step tells the ``outcome`` too.
+    ``info`` of every reset and step holds the true positions: ``effector`` ``[2]`` and, where there is one, ``puck``
+    ``[2]``; that of the last step, the ``outcome`` too.
 
     Args:
         task: the rules.
@@ -109,24 +109,24 @@ class SafeManipulation(RobotEnvironment):
 
 
 class PuckStriking(RobotEnvironment):
-    """Touch a puck that lies still."""
+    """Touch a puck at rest."""
 
     def __init__(self, horizon: int | None = None) -> None:
         super().__init__(tasks.PuckStriking(), horizon)
 
 
 class DynamicHitting(RobotEnvironment):
-    """Meet a puck that slides down the table."""
+    """Touch or hit a puck that slides down the table."""
 
     def __init__(self, score: Literal["touch", "hit"] = "touch", horizon: int | None = None) -> None:
         super().__init__(tasks.DynamicHitting(score), horizon)
 
 
 class RobotVectorEnvironment(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
-    """n worlds of a task. None is reset by itself; a finished one may be stepped on, and then means nothing.
+    """n worlds of a task in lock step, without autoreset; what a finished world returns means nothing.
 
-    ``infos`` holds what the single environment's ``info`` does, with a row per world and, as is Gymnasium's custom, a
-    mask of the worlds that it is told of under the same name after an underscore.
+    ``infos`` holds what the single environment's ``info`` does, with a row per world and, as in Gymnasium, a mask
+    of the worlds that have the entry under the same name after an underscore.
 
     Args:
         task: the rules.
@@ -175,8 +175,8 @@ class RobotVectorEnvironment(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         """
         stepped = self._simulation.step(actions)
         information = self._information()
-        if stepped.told.any():
-            information |= {"outcome": stepped.outcome, "_outcome": stepped.told}
+        if stepped.ended.any():
+            information |= {"outcome": stepped.outcome, "_outcome": stepped.ended}
         return stepped.observation, stepped.reward, stepped.terminated, stepped.truncated, information
 
     def _information(self) -> dict[str, Any]:
@@ -200,14 +200,14 @@ class VectorSafeManipulation(RobotVectorEnvironment):
 
 
 class VectorPuckStriking(RobotVectorEnvironment):
-    """Touch a puck that lies still."""
+    """Touch a puck at rest."""
 
     def __init__(self, num_envs: int = 1, max_episode_steps: int | None = None) -> None:
         super().__init__(tasks.PuckStriking(), num_envs, max_episode_steps)
 
 
 class VectorDynamicHitting(RobotVectorEnvironment):
-    """Meet a puck that slides down the table."""
+    """Touch or hit a puck that slides down the table."""
 
     def __init__(
         self, num_envs: int = 1, max_episode_steps: int | None = None, score: Literal["touch", "hit"] = "touch"

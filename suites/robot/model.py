@@ -3,7 +3,7 @@
 Discs are spheres in one plane and rails are planes, so that every contact is analytic. A contact has no spring to speak
 of: its damping is chosen so that the first substep of a contact turns the approaching speed v into -e v. The
 coefficient of restitution e is then exact, whatever the masses, the speed and the phase of the substep, where a spring
-stiff enough to be thin would need far shorter substeps. What is left is a depth of at most one substep's way, 4 mm at
+stiff enough to be thin would need far shorter substeps. What remains is a depth of at most one substep's way, 4 mm at
 1 m/s, by which the line of centres of a side hit is late.
 """
 
@@ -98,11 +98,11 @@ def build(effector_radius: float, puck: Puck) -> mujoco.MjModel:
     """The model of one world.
 
     Its state ``mjSTATE_FULLPHYSICS`` is time, effector (x, y), puck (x, y) where there is one, and their velocities in
-    the same order; its controls are the effector's velocities in m/s. Cups and bowl push nothing: a contact with a cup
-    ends an episode, and the object is carried over the bowl.
+    the same order; its controls are the effector's velocities in m/s. Cups and bowl exert no force: a contact with a
+    cup ends an episode, and the object is carried over the bowl.
 
     Args:
-        effector_radius: of what the arm carries, in metres.
+        effector_radius: of the object that the arm carries, in metres.
         puck: ``none`` (cups and a bowl instead), ``resting`` (the tilt does not move it) or ``sliding``.
     """
     gravity = -TILT_ACCELERATION if puck == "sliding" else 0.0

@@ -1,4 +1,4 @@
-"""Registers the environments when it is imported, so ``suites.robot.registration:lfobench/…`` is a complete id."""
+"""Registration on import, so that ``suites.robot.registration:lfobench/…`` is a complete id."""
 
 from __future__ import annotations
 

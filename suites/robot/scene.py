@@ -1,4 +1,4 @@
-"""What a top view of each environment shows."""
+"""Top views of the environments: table, workspace, cups and bowl."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _same(position: FloatArray) -> FloatArray:
 
 
 def scene(environment_name: str) -> Scene:
-    """The table seen from above, for one of the suite's four environment names.
+    """The top view of the table, for one of the suite's four environment names.
 
     Raises:
         ValueError: for any other name.

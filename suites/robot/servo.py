@@ -47,7 +47,7 @@ def clipped_action(displacement: Array) -> Array:
 
 
 def target(effector: Array, action: Array) -> Array:
-    """Where the servo is sent ``[n, 2]``: the measured position plus the action's displacement, in the workspace."""
+    """Targets of the servo ``[n, 2]``: the measured position plus the action's displacement, within the workspace."""
     goal: Array = np.clip(effector + action * CLIP, WORKSPACE_LOW, WORKSPACE_HIGH)
     return goal
 
@@ -90,12 +90,12 @@ def overloaded(profile: Array, velocity: Array) -> NDArray[np.bool_]:
 
 
 class Rest:
-    """Rest of n effectors; a place is left as soon as the effector is farther from it than the rest radius.
+    """Detection of rest for n effectors; a place is left once the effector is farther from it than the rest radius.
 
     A net displacement, not a speed: a policy that trembles on the spot is at rest, one that creeps on is not.
 
     Args:
-        position: ``[n, 2]`` where they begin, in metres.
+        position: ``[n, 2]`` at first, in metres.
     """
 
     def __init__(self, position: Array) -> None:

@@ -33,12 +33,12 @@ SUBSTEPS_OF_LATENCY = round(constants.CAMERA_LATENCY * constants.PHYSICS_RATE / 
 
 
 def pictured(path: Array) -> Array:
-    """Where a thing is in the newest finished picture ``[n, 2]``, from its ``[n, SUBSTEPS, 2]`` at substeps' ends."""
+    """Positions in the newest finished picture ``[n, 2]``, from those at the substeps' ends ``[n, SUBSTEPS, 2]``."""
     return path[:, SUBSTEPS - 1 - SUBSTEPS_OF_LATENCY]
 
 
 class Camera:
-    """Readings of n worlds.
+    """Camera readings of n worlds: bias, noise and dropouts.
 
     Args:
         seeds: one per world.
@@ -56,7 +56,7 @@ class Camera:
         self._held: Array = np.zeros((len(seeds), 2))
 
     def read(self, position: Array) -> Array:
-        """The next reading ``[n, 2]`` of things that are at ``[n, 2]`` in the picture."""
+        """The next reading ``[n, 2]`` of positions ``[n, 2]`` in the picture."""
         index = min(self._next, len(self._error) - 1)
         self._held = np.where(self._lost[index], self._held, position + self._error[index])
         self._next += 1
@@ -67,13 +67,13 @@ class Sensing:
     """Observations of n worlds of a task.
 
     Args:
-        task: decides what is seen.
-        eye: its camera, fresh.
+        task: decides what is observed.
+        camera: its camera, before the first reading.
     """
 
-    def __init__(self, task: RobotTask, eye: Camera) -> None:
+    def __init__(self, task: RobotTask, camera: Camera) -> None:
         self._task = task
-        self._eye = eye
+        self._camera = camera
         self._relative: Array | None = None
 
     def observe(self, effector: Array, velocity: Array, pictured: Array | None) -> FloatArray:
@@ -84,12 +84,12 @@ class Sensing:
             velocity: ``[n, 2]`` true velocities now.
             pictured: ``[n, 2]`` true positions, one frame ago, of what the camera tracks; None where it tracks nothing.
         """
-        seen = [effector] if pictured is None else [effector, self._eye.read(pictured)]
+        known = [effector] if pictured is None else [effector, self._camera.read(pictured)]
         if self._task.puck == "none":
-            return seen[-1].astype(np.float32)
+            return known[-1].astype(np.float32)
         if self._task.puck == "resting":
-            return np.concatenate(seen, axis=1, dtype=np.float32)
-        newest = seen[1] - effector
+            return np.concatenate(known, axis=1, dtype=np.float32)
+        newest = known[1] - effector
         if self._relative is None:
             self._relative = np.tile(newest, int(constants.RELATIVE_POSITIONS))
         else:
@@ -100,12 +100,12 @@ class Sensing:
 Array = NDArray[np.float64]
 
 ACTION_TOLERANCE = 1e-6
-"""How far beyond 1 an action may be, for those that were rounded."""
+"""Tolerance beyond 1 for actions that were rounded."""
 
 
 @dataclass(frozen=True)
 class StepResult:
-    """What a control step gives.
+    """Result of a control step.
 
     Attributes:
         observation: ``[n, obs]``.
@@ -113,7 +113,7 @@ class StepResult:
         terminated: ``[n]``; the rules have ended the episode, in this step or before.
         truncated: ``[n]``; time ran out, in this step or before.
         outcome: ``[n]`` the outcome's name at an episode's last step, else None.
-        told: ``[n]``; where `outcome` is not None.
+        ended: ``[n]``; where `outcome` is not None.
     """
 
     observation: FloatArray
@@ -121,20 +121,20 @@ class StepResult:
     terminated: BoolArray
     truncated: BoolArray
     outcome: NDArray[np.object_]
-    told: BoolArray
+    ended: BoolArray
 
 
 class Simulation:
     """n worlds of one task.
 
-    A finished world may be stepped on; it moves, but reports nothing more.
+    A finished world may be stepped further; it moves, but reports nothing more.
 
     Args:
         task: the rules.
         count: n.
         horizon: control steps after which an episode is cut; the task's own where None.
-        ends: False lets every episode run to the horizon, for recording: nothing terminates, and `outcome` tells at
-            every step how the rules would have ended the episode at that step.
+        ends: False lets every episode run to the horizon, for recording: nothing terminates, and `outcome` is,
+            at every step, how the rules would have ended the episode there.
     """
 
     def __init__(self, task: RobotTask, count: int, horizon: int | None = None, *, ends: bool = True) -> None:

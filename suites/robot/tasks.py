@@ -24,7 +24,7 @@ CUP_REACH = float(constants.CUP_RADIUS) + OBJECT_RADIUS
 PUCK_REACH = PADDLE_RADIUS + PUCK_RADIUS
 """Metres between the paddle's centre and the puck's at which they touch."""
 LOST_X = float(WORKSPACE_LOW[0]) - PUCK_REACH
-"""A puck nearer to the robot's end than this cannot be reached any more."""
+"""x below which a puck is out of the arm's reach."""
 
 
 Codes = NDArray[np.int8]
@@ -39,7 +39,7 @@ OUTCOMES = (
     "stalled",
     "out of time",
 )
-"""Code to name; 0 goes on."""
+"""How an episode can end, code to name; 0 goes on."""
 
 SUCCESS, CUP_HIT, EMERGENCY_STOP, MISSED, TOUCHED_ONLY, STALLED, OUT_OF_TIME = range(1, len(OUTCOMES))
 
@@ -52,13 +52,13 @@ def outcome_names(codes: Codes) -> NDArray[np.object_]:
 
 
 def steps(seconds: float) -> int:
-    """Control steps in a time."""
+    """Control steps in a number of seconds."""
     return round(seconds * constants.CONTROL_RATE)
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where a world begins: positions (x, y) in metres, velocity in m/s."""
+    """Start of a world: positions (x, y) in metres, velocity in m/s."""
 
     effector: tuple[float, float]
     puck: tuple[float, float] = (0.0, 0.0)
@@ -67,7 +67,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Motion:
-    """What truly happened in one control step.
+    """True motion in one control step.
 
     Attributes:
         effector: ``[n, SUBSTEPS, 2]`` at every substep's end.
@@ -97,7 +97,7 @@ class RobotTask(Protocol):
 
     @property
     def camera_tracks_effector(self) -> bool:
-        """Whether the effector, too, is known by the camera alone."""
+        """Whether the camera observes the effector, too, in place of encoders."""
         ...
 
     @property
@@ -119,8 +119,8 @@ class SafeManipulation:
     """Bring the carried object to rest above the bowl and touch no cup.
 
     Attributes:
-        embodiment: ``robot``, whose encoders tell where the effector is, or ``hand``: the observation is the camera's
-            track of the carried object, as it is for an object that a hand moves.
+        embodiment: ``robot``, whose encoders give the effector's position, or ``hand``: the observation is the camera's
+            track of the carried object.
     """
 
     embodiment: Literal["robot", "hand"] = "robot"
@@ -138,7 +138,7 @@ class SafeManipulation:
 
     @property
     def camera_tracks_effector(self) -> bool:
-        """Only where the object could be in a hand."""
+        """True of the hand, which has no encoders."""
         return self.embodiment == "hand"
 
     def start(self, generator: np.random.Generator) -> Start:
@@ -163,7 +163,7 @@ class SafeManipulation:
 
 @dataclass(frozen=True)
 class PuckStriking:
-    """Touch a puck that lies still (the blower is off, so the tilt does not move it)."""
+    """Touch a puck at rest (the blower is off, so the tilt does not move it)."""
 
     name: ClassVar[str] = "puck-striking"
     horizon: ClassVar[int] = int(constants.STRIKING_HORIZON)
@@ -190,7 +190,7 @@ class PuckStriking:
 
 @dataclass(frozen=True)
 class DynamicHitting:
-    """Meet a puck that slides down the table.
+    """Touch or hit a puck that slides down the table.
 
     Attributes:
         score: ``touch``: any contact; ``hit``: after one, the puck leaves uphill faster than a threshold.
@@ -211,11 +211,11 @@ class DynamicHitting:
 
     @property
     def touch_fails(self) -> bool:
-        """Where a hit is asked for."""
+        """True where the score asks for a hit."""
         return self.score == "hit"
 
     def start(self, generator: np.random.Generator) -> Start:
-        """The paper's start pose; the puck let go at the far end with a push downhill and to a side."""
+        """The paper's start pose; the puck released at the far end with a push downhill and to a side."""
         across, push = float(constants.RELEASE_Y), float(constants.RELEASE_SPEED_ACROSS)
         y = generator.uniform(-across, across)
         velocity = -generator.uniform(0.0, constants.RELEASE_SPEED_DOWN), generator.uniform(-push, push)

@@ -1,4 +1,4 @@
-"""The suite by its numbers, beside the published table and the operators that feed it."""
+"""The suite's numbers, compared with the published table and the demonstrators."""
 
 from __future__ import annotations
 
@@ -96,9 +96,9 @@ def test_there_are_enough_offline_recordings_for_an_equal_share(task: Task) -> N
     recipe = recipe_of(task)
     steps = []
     for level in (recipe.expert, recipe.offline):
-        operator = SUITE.demonstrator(task.environment.name, level)
-        assert isinstance(operator, Operator)
-        steps.append(operator.record(40, np.random.default_rng(0)).lengths.mean())
+        maker = SUITE.demonstrator(task.environment.name, level)
+        assert isinstance(maker, Operator)
+        steps.append(maker.record(40, np.random.default_rng(0)).lengths.mean())
     expert, offline = steps
     assert recipe.offline_trajectories is not None
     assert recipe.offline_trajectories * offline > 1.2 * recipe.demonstrations * expert

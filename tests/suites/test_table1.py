@@ -1,4 +1,4 @@
-"""All rows of the seed paper's Table 1 are tasks, each of them one of a suite of its own."""
+"""All rows of Table 1 of DILO's paper are tasks, each of them also in a suite of its own."""
 
 from __future__ import annotations
 

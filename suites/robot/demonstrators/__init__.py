@@ -1,4 +1,4 @@
-"""Who makes the data of the robot tasks: scripted, human-like demonstrators, and operators who do not try."""
+"""Scripted demonstrators of the robot tasks: models of people with a mouse, experts and suboptimal ones."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from suites.robot.demonstrators.recording import ScriptedDemonstrator
 
 CORNER_SCATTER = 0.012
-"""Metres, per axis, by which a person's starts from one corner differ (standard deviation); ours."""
+"""Standard deviation, in metres per axis, of the starts from one corner; ours."""
 
 SINGLE_HITS = 50
-"""The paper's appendix has so many recordings of one hit, and repeated hits after them."""
+"""Recordings of a single hit in the paper's appendix; those after them are of repeated hits."""
 
 
 def demonstrators() -> dict[str, dict[Level, ScriptedDemonstrator]]:
-    """Environment name and level to the operator that records there."""
+    """Environment name and level to its scripted demonstrator."""
     from suites.robot.demonstrators.hitting import Dodging, Hitting
     from suites.robot.demonstrators.manipulation import HandTrack, SafeTeleoperation, Wandering
     from suites.robot.demonstrators.striking import SingleStrike, VagueSwings
@@ -47,7 +47,7 @@ def demonstrators() -> dict[str, dict[Level, ScriptedDemonstrator]]:
 
 
 def demonstrator(environment: str, level: Level) -> ScriptedDemonstrator:
-    """The operator of an environment (its short name, e.g. ``puck-striking``) and level.
+    """The scripted demonstrator of an environment (its short name, e.g. ``puck-striking``) and level.
 
     Raises:
         UserError: there is no such environment or level.

@@ -1,4 +1,4 @@
-"""Hitting a puck that slides down: somebody who foresees where it comes, waits there and strikes it back."""
+"""Hitting a sliding puck: an expert who predicts where it comes and strikes it back, and a suboptimal dodger."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from suites.robot.demonstrators.human_motion import (
     Person,
     minimum_jerk,
 )
-from suites.robot.demonstrators.planning import Eyes, around, choose, crossing, folded
+from suites.robot.demonstrators.planning import DelayedView, crossing, displacements, first_clear, mirrored
 from suites.robot.demonstrators.recording import Recording, ScriptedDemonstrator, Take, scored
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW, clipped_action
 from suites.robot.simulation import Simulation
 from suites.robot.tasks import DynamicHitting
 
 STROKES_AT_ONCE = 12
-"""More than ever overlap."""
+"""Upper bound of strokes that overlap."""
 
 
 class Reacting(ABC):
-    """n people, each before a world of their own.
+    """Demonstrators who react to the puck, one per world.
 
     Args:
-        person: how their hands move.
-        delay: shortest and longest time in seconds by which what they see is late.
+        person: model of the hands.
+        delay: shortest and longest reaction time in seconds.
         simulation: just reset.
         draws: everything random.
         steps: most control steps.
@@ -46,19 +46,19 @@ class Reacting(ABC):
     ) -> None:
         self.person, self.simulation = person, simulation
         self.intention = Intention(simulation.effector, STROKES_AT_ONCE)
-        self.eyes = Eyes(np.rint(draws.uniform(*delay) / PERIOD).astype(np.int64))
+        self.view = DelayedView(np.rint(draws.uniform(*delay) / PERIOD).astype(np.int64))
         self.step = 0
         self._hand = Hand(person, simulation.effector, draws, steps, PERIOD)
 
     @abstractmethod
     def decide(self, time: float) -> None:
-        """Begin strokes, now that the puck has been looked at; `time` in seconds since the start."""
+        """Begin strokes after the newest look at the puck; `time` in seconds since the start."""
 
     def act(self) -> Array:
         """The next action ``[n, 2]``."""
         puck, velocity = self.simulation.puck, self.simulation.puck_velocity
         assert puck is not None and velocity is not None
-        self.eyes.look(puck, velocity)
+        self.view.add(puck, velocity)
         self.decide(self.step * PERIOD)
         self.step += 1
         mouse = self._hand.follow(self.intention.at(self.step * PERIOD))
@@ -75,25 +75,25 @@ SHORTEST_RALLY = 16
 
 @dataclass(frozen=True)
 class Skill:
-    """How somebody plays; lengths in metres, times in seconds, every number ours.
+    """Parameters of the expert's play; lengths in metres, times in seconds, every number ours.
 
     Attributes:
-        delay: shortest and longest time by which what is seen is late.
-        horizon: how far ahead the puck is foreseen.
-        line: least and greatest x at which somebody likes to meet the puck.
-        behind: how far behind that line the paddle waits.
-        through: how far beyond it the strike goes.
+        delay: shortest and longest reaction time.
+        horizon: of the prediction of the puck.
+        line: least and greatest x of the preferred contact.
+        behind: distance behind that line at which the paddle waits.
+        through: distance beyond it to which the strike goes.
         strike: shortest and longest duration of a strike.
-        lag: how late hand and arm are known to be.
-        timing: standard deviation of when the strike begins.
-        doubt: standard deviation, across the table and per second still to go, of where the puck is expected.
-        aim: standard deviation of where the strike goes, across the table.
+        lag: of hand and arm, which is anticipated.
+        timing: standard deviation of the strike's onset.
+        doubt: standard deviation of the predicted place across the table, per second until then.
+        aim: standard deviation of the strike's end across the table.
         look: shortest and longest time between two corrections while waiting.
-        tolerance: what is not worth a correction.
-        lapse: probability that a strike is misjudged, across the table.
-        missing: by how much it is then.
+        tolerance: error that is not corrected.
+        lapse: probability of a misjudged strike.
+        missing: error of a misjudged strike across the table.
         recover: time after the strike's end before the paddle goes back.
-        linger: shortest and longest time that the recording goes on after its last event.
+        linger: shortest and longest time between the last event and the recording's end.
     """
 
     delay: tuple[float, float] = (0.15, 0.22)
@@ -119,14 +119,14 @@ SKILL = Skill()
 
 @dataclass(frozen=True)
 class Hitting(ScriptedDemonstrator):
-    """An expert at the table.
+    """An expert, who hits the puck once or repeatedly.
 
     Attributes:
-        single: so many of the first episodes end after one hit; None for all. The later ones go on until the puck
-            gets past or 2000 steps are made.
-        person: how the hand moves.
-        skill: how it is used.
-        score: what counts as a success; the hand plays to hit either way.
+        single: number of first episodes that end after one hit, None for all; the later ones go on until the puck is
+            lost or 2000 steps are made.
+        person: model of the hand.
+        skill: parameters of its play.
+        score: what counts as a success; the play is the same.
     """
 
     single: int | None = None
@@ -158,13 +158,13 @@ class Hitting(ScriptedDemonstrator):
 
 
 class Player(Reacting):
-    """n people who each watch a puck and move a mouse.
+    """n experts, each with a puck and a mouse.
 
     Args:
-        person: how the hands move.
-        skill: how they are used.
+        person: model of the hands.
+        skill: parameters of their play.
         simulation: just reset.
-        draws: every look's and every strike's.
+        draws: everything random.
         steps: most control steps.
     """
 
@@ -182,17 +182,17 @@ class Player(Reacting):
         self._rows, self._strikes = np.arange(n), np.zeros(n, np.int64)
 
     def past(self) -> NDArray[np.bool_]:
-        """``[n]`` whose puck is out of reach for good."""
+        """``[n]`` whether the puck is out of reach for good."""
         puck = self.simulation.puck
         assert puck is not None
         return puck[:, 0] < tasks.LOST_X
 
     def decide(self, time: float) -> None:
-        """Strike when the puck is about to come, else wait behind the line where it is expected."""
+        """Strike when the puck is about to come, else wait behind the line at its predicted place."""
         skill, strike = self._skill, (self._rows, self._strikes)
         ahead = round(skill.horizon / PERIOD)
         line, duration = self._line[strike], self._duration[strike]
-        steps, place = crossing(self.eyes.foresee(ahead), line)
+        steps, place = crossing(self.view.predict(ahead), line)
         comes, free = steps <= ahead, time >= self._busy
         guess = place + self._aside[strike] + self._doubt[:, self.step] * steps * PERIOD
         across = np.where(comes, guess, 0.0)
@@ -212,22 +212,22 @@ class Player(Reacting):
 
 @dataclass(frozen=True)
 class Dodging(ScriptedDemonstrator):
-    """Somebody who moves about the puck and keeps out of its way; lengths in metres, times in seconds, all ours.
+    """A suboptimal demonstrator, who avoids the puck; lengths in metres, times in seconds, all ours.
 
     Attributes:
-        person: how the hand moves.
+        person: model of the hand.
         seconds: shortest and longest recording.
-        delay: shortest and longest time by which what is seen is late.
-        horizon: how far ahead the puck is foreseen.
-        lag: how late hand and arm are known to be.
+        delay: shortest and longest reaction time.
+        horizon: of the prediction of the puck.
+        lag: of hand and arm, which is anticipated.
         stay: shortest and longest time between two movements.
-        start: least time between two movements, when the puck comes too near.
-        around: least and greatest distance from the puck at which a place is looked for.
-        free: what is left free between paddle and puck.
+        start: least time between two movements when the puck comes too near.
+        around: least and greatest distance from the puck of the places that are considered.
+        free: distance kept between paddle and puck.
         haste: smallest and largest factor on a stroke's duration.
-        careless: probability that a movement is made, and carried through, without a thought of the puck.
-        thoughts: places that are weighed before every other movement.
-        score: what counts as a success of somebody who does not try.
+        careless: probability that a movement ignores the puck.
+        thoughts: candidate places of every other movement.
+        score: what counts as a success.
     """
 
     person: Person = QUICK_HAND
@@ -260,12 +260,12 @@ class Dodging(ScriptedDemonstrator):
 
 
 class Mover(Reacting):
-    """n people who each keep out of a puck's way.
+    """n suboptimal demonstrators, each with a puck to avoid.
 
     Args:
-        manner: how.
+        manner: their parameters.
         simulation: just reset.
-        draws: every movement's.
+        draws: everything random.
         steps: most control steps.
     """
 
@@ -275,15 +275,15 @@ class Mover(Reacting):
         self._manner = manner
         self._stay, self._haste = draws.uniform(*manner.stay, most), draws.uniform(*manner.haste, most)
         self._careless, self._bow = draws.happens(manner.careless, most), draws.normal(manner.person.bow, most)
-        self._away = around(draws, *manner.around, most, manner.thoughts)
+        self._away = displacements(draws, *manner.around, most, manner.thoughts)
         self._began, self._next = np.zeros(n), draws.uniform(0.0, 0.5)
         self._moves, self._heedless = np.zeros(n, np.int64), np.zeros(n, np.bool_)
 
     def decide(self, time: float) -> None:
-        """Move when it is time to, or when the puck comes too near."""
+        """Move when the stay is over, or when the puck comes too near."""
         manner = self._manner
         steps = round(manner.horizon / PERIOD)
-        puck = self.eyes.foresee(steps)
+        puck = self.view.predict(steps)
         later = time - manner.lag + PERIOD * np.arange(1, steps + 1)
         arm = self.intention.during(later)
         near = np.linalg.norm(arm - puck, axis=-1).min(-1) < tasks.PUCK_REACH + manner.free
@@ -292,14 +292,14 @@ class Mover(Reacting):
         if not len(who):
             return
         move = (who, self._moves[who])
-        places = folded(np.clip(puck[who, steps // 2, None], WORKSPACE_LOW, WORKSPACE_HIGH) + self._away[move])
+        places = mirrored(np.clip(puck[who, steps // 2, None], WORKSPACE_LOW, WORKSPACE_HIGH) + self._away[move])
         ways = places - self.intention.end[who, None]
         lasts = self._haste[move][:, None] * manner.person.stroke_duration(np.linalg.norm(ways, axis=-1))
         progress = minimum_jerk((later - time) / lasts[..., None])
         paths = arm[who, None] + progress[..., None] * ways[:, :, None]
         clear = np.linalg.norm(paths - puck[who, None], axis=-1).min(-1)
         wanted = np.where(self._careless[move], 0.0, tasks.PUCK_REACH + manner.free)
-        rows, chosen = np.arange(len(who)), choose(clear, wanted)
+        rows, chosen = np.arange(len(who)), first_clear(clear, wanted)
         way, duration, bow = np.zeros((len(moves), 2)), np.ones(len(moves)), np.zeros(len(moves))
         way[who], duration[who], bow[who] = ways[rows, chosen], lasts[rows, chosen], self._bow[move]
         self.intention.begin(moves, np.full(len(moves), time), duration, way, bow)

@@ -1,4 +1,4 @@
-"""A human hand: what it intends is a sum of bell-shaped strokes, what it does lags behind that and trembles.
+"""Human hand motion: an intention, which is a sum of bell-shaped strokes, and a lagging, trembling hand.
 
 Lengths in metres, times in seconds. Every array has one row per episode, n in all.
 """
@@ -17,7 +17,7 @@ Integers = NDArray[np.int64]
 
 
 class Draws:
-    """Draws for episodes that are recorded in lock step.
+    """Random draws for episodes that are recorded in lock step.
 
     Args:
         generator: decides the episodes' seeds; the first episodes of a longer recording are those of a shorter one.
@@ -46,20 +46,20 @@ class Draws:
 
 @dataclass(frozen=True)
 class Person:
-    """How somebody moves; every number is ours.
+    """Parameters of a person's hand; every number is ours.
 
     Attributes:
-        latency: seconds of a stroke however short (Fitts's a).
+        latency: least seconds of a stroke (Fitts's a).
         bit: seconds per bit of a stroke's difficulty (Fitts's b).
         width: metres of precision that is aimed for (Fitts's W).
         variation: standard deviation of a stroke's duration, relative.
-        overshoot: mean of what a stroke goes too far, relative to its length.
-        spread: standard deviation of where a stroke ends, relative to its length and in either direction.
-        bow: standard deviation of how far a stroke bows to a side in its middle, relative to its length.
+        overshoot: mean overshoot of a stroke, relative to its length.
+        spread: standard deviation of a stroke's end, relative to its length and in either direction.
+        bow: standard deviation of a stroke's lateral deviation in its middle, relative to its length.
         frequency: natural frequency in hertz of the arm that follows the intention.
-        damping: its damping ratio; below 1 it swings past.
+        damping: its damping ratio; below 1 it overshoots.
         tremor: standard deviation in metres.
-        tremor_time: seconds over which the tremor forgets itself.
+        tremor_time: correlation time of the tremor in seconds.
     """
 
     latency: float
@@ -93,7 +93,7 @@ MOUSE = Person(
     tremor=0.0012,
     tremor_time=0.1,
 )
-"""A hand on a mouse whose position is a place on the table."""
+"""A hand on a mouse whose position maps to the table."""
 
 
 QUICK_HAND = Person(
@@ -109,7 +109,7 @@ QUICK_HAND = Person(
     tremor=0.0012,
     tremor_time=0.1,
 )
-"""A hand on a mouse that strikes and need not be precise."""
+"""A hand on a mouse that strikes, at less precision."""
 
 
 def minimum_jerk(phase: Array) -> Array:
@@ -124,18 +124,18 @@ def to_the_left(way: Array) -> Array:
 
 
 def bulge(phase: Array) -> Array:
-    """How far a bowed stroke is off its straight line: 0, 1 in the middle, and 0, with no speed at either end."""
+    """Lateral deviation of a bowed stroke: 0 at either end, with no speed there, and 1 in the middle."""
     u = np.clip(phase, 0.0, 1.0)
     v: Array = 4.0 * u * (1.0 - u)
     return v * v
 
 
 class Intention:
-    """Where the hand means to be: an origin and strokes that add up (Flash & Henis 1991).
+    """Intended positions of the hand: an origin plus superposed strokes (Flash & Henis 1991).
 
     Args:
         origin: ``[n, 2]``.
-        slots: strokes per row that are not over.
+        slots: greatest number of unfinished strokes per row.
     """
 
     def __init__(self, origin: Array, slots: int) -> None:
@@ -148,14 +148,14 @@ class Intention:
         self._next = np.zeros(n, np.int64)
 
     def begin(self, who: NDArray[np.bool_], onset: Array, duration: Array, displacement: Array, bow: Array) -> None:
-        """Add a stroke to the rows of `who` ``[n]``; where no slot is free the oldest stroke is taken to be over.
+        """Add a stroke to some rows; where no slot is free, the oldest stroke counts as finished.
 
         Args:
-            who: whose.
+            who: ``[n]`` the rows.
             onset: ``[n]`` seconds.
             duration: ``[n]`` seconds.
             displacement: ``[n, 2]`` from its start to its end.
-            bow: ``[n]`` how far it bows to its left, relative to its length.
+            bow: ``[n]`` lateral deviation to the left, relative to its length.
         """
         rows = np.flatnonzero(who)
         slots = self._next[rows]
@@ -178,7 +178,7 @@ class Intention:
 
     @property
     def end(self) -> Array:
-        """``[n, 2]``: where it comes to rest if no stroke is added."""
+        """``[n, 2]`` final positions if no stroke is added."""
         place: Array = self._origin + self._displacement.sum(1)
         return place
 
@@ -187,8 +187,8 @@ class Hand:
     """A damped oscillator that follows an intention, with tremor.
 
     Args:
-        person: how it moves.
-        origin: ``[n, 2]``, where it rests at first.
+        person: its parameters.
+        origin: ``[n, 2]`` where it rests at first.
         draws: the tremor's.
         steps: control steps that it will make.
         period: seconds per control step.
@@ -208,7 +208,7 @@ class Hand:
         self._tremor, self._step = draws.normal(person.tremor, 2), 0
 
     def follow(self, intention: Array) -> Array:
-        """``[n, 2]``: where the hand is one period later, having meant to be at `intention` ``[n, 2]``."""
+        """``[n, 2]`` positions of the hand one period later, for an `intention` ``[n, 2]``."""
         (away, away_speed), (speed, speed_speed) = self._carry
         error = self._position - intention
         self._position = intention + away * error + away_speed * self._velocity
@@ -224,7 +224,7 @@ PERIOD = 1.0 / float(constants.CONTROL_RATE)
 
 @dataclass(frozen=True)
 class Pace:
-    """How somebody strings strokes together; times in seconds, every number ours.
+    """Timing of a sequence of strokes; times in seconds, every number ours.
 
     Attributes:
         reaction: shortest and longest wait before the first stroke.
@@ -234,7 +234,7 @@ class Pace:
         hesitation: probability of a pause after a stroke.
         pause: shortest and longest pause.
         rest: shortest and longest rest at the end.
-        enough: metres from a point at which nobody corrects any more.
+        enough: metres from a point within which nothing is corrected.
     """
 
     reaction: tuple[float, float] = (0.1, 0.3)
@@ -249,11 +249,11 @@ class Pace:
 
 @dataclass(frozen=True)
 class Journey:
-    """What n people mean to do.
+    """Planned motions of n people.
 
     Attributes:
-        intention: where their hands mean to be.
-        end: ``[n]`` seconds after which they let go, rest included.
+        intention: positions over time.
+        end: ``[n]`` seconds, rest included.
     """
 
     intention: Intention
@@ -268,8 +268,7 @@ class Journey:
 def journey(person: Person, pace: Pace, draws: Draws, start: Array, points: Array) -> Journey:
     """Strokes over `points` ``[n, L, 2]`` from `start` ``[n, 2]``.
 
-    A stroke aims at its point from where the one before it leads, errors included; so a point that comes twice is
-    corrected the second time.
+    A stroke begins where the one before it ends, errors included, so a repeated point is a correction.
     """
     legs = points.shape[1]
     intention = Intention(start, legs)

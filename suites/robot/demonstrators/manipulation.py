@@ -1,4 +1,4 @@
-"""Safe manipulation by teleoperation: an expert who goes round the cups to the bowl, and somebody who minds nothing."""
+"""Safe manipulation by teleoperation: an expert who avoids the cups, and a suboptimal demonstrator who does not."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ LIMIT = SafeManipulation.horizon
 
 @dataclass(frozen=True)
 class Care:
-    """How somebody minds the cups on the way to the bowl; every number ours.
+    """Care for the cups on the way to the bowl; every number ours.
 
     Attributes:
         distance: metres kept free between the object and a cup.
-        berth: most metres beyond that which somebody adds.
-        taste: standard deviation of relative dislikes that decide between two ways round.
-        aim: standard deviation in metres, per axis, of the place in the bowl that is aimed at.
-        careless: probability that the cups are forgotten.
-        short: probability that somebody stops short of the bowl and takes it for the bowl.
-        missing: metres by which it is missed then.
+        berth: greatest additional distance in metres.
+        taste: standard deviation of the relative costs that decide between two ways round.
+        aim: standard deviation in metres, per axis, of the target in the bowl.
+        careless: probability that the cups are ignored.
+        short: probability of stopping short of the bowl.
+        missing: metres that are missing then.
     """
 
     distance: float = 0.032
@@ -64,13 +64,13 @@ def starts(scatter: float | None, draws: Draws) -> Array | None:
 
 @dataclass(frozen=True)
 class SafeTeleoperation(ScriptedDemonstrator):
-    """An expert with a mouse: goes round the cups, corrects, and rests above the bowl.
+    """An expert with a mouse, who goes round the cups, corrects, and rests above the bowl.
 
     Attributes:
         scatter: standard deviation in metres, per axis, of starts about the corner; None for the task's random starts.
-        person: how the hand moves.
-        pace: how it strings its strokes together.
-        care: how it minds the cups.
+        person: model of the hand.
+        pace: timing of the strokes.
+        care: for the cups.
     """
 
     scatter: float | None = None
@@ -91,12 +91,12 @@ class SafeTeleoperation(ScriptedDemonstrator):
 
 @dataclass(frozen=True)
 class Wandering(ScriptedDemonstrator):
-    """Somebody who takes the arm from a random place to a random place over others, and minds neither cups nor bowl.
+    """A suboptimal demonstrator, who moves the arm over random places and ignores cups and bowl.
 
     Attributes:
-        embodiment: what is observed: the arm, or the object that the camera tracks.
-        person: how the hand moves.
-        pace: how it strings its strokes together.
+        embodiment: the arm is observed, or the object that the camera tracks.
+        person: model of the hand.
+        pace: timing of the strokes.
         points: places per episode, the last one included.
     """
 
@@ -139,14 +139,14 @@ DEFT = Care(distance=0.028, berth=0.01, careless=0.008, short=0.008)
 
 @dataclass(frozen=True)
 class HandTrack(ScriptedDemonstrator):
-    """An expert's bare hand, anywhere on the table: no arm limits it, and there are no actions.
+    """An expert's bare hand, anywhere on the table: without an arm's limits, and without actions.
 
     Attributes:
         scatter: standard deviation in metres, per axis, of starts about the corner; None for the task's random starts.
-        person: how the hand moves.
-        pace: how it strings its strokes together.
-        care: how it minds the cups.
-        rail: metres that the object's centre keeps from a rail.
+        person: model of the hand.
+        pace: timing of the strokes.
+        care: for the cups.
+        rail: least distance in metres between the object's centre and a rail.
     """
 
     scatter: float | None = None

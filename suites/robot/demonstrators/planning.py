@@ -1,4 +1,4 @@
-"""Ways round what stands on the table: corners about every obstacle, and the shortest path over those in sight."""
+"""Planning of the scripted demonstrators: shortest paths round obstacles, predictions of the puck, places to go to."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from suites.robot.model import TILT_ACCELERATION
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW
 
 CORNERS = 12
-"""Points about an obstacle at which a path may bend."""
+"""Points around an obstacle at which a path may bend."""
 BENDS = 7
 """Points of a path after its start."""
 
@@ -58,12 +58,12 @@ class Routes:
 
         Args:
             starts: where the paths begin.
-            taste: ``[n, points]`` relative dislikes, which make one go a longer way round now and then.
-            berth: ``[n]`` metres by which the bends lie farther out than they must.
+            taste: ``[n, points]`` relative costs, which make a longer way win now and then.
+            berth: ``[n]`` metres that the bends lie farther out than necessary.
         """
-        seen = self.visible(starts[:, None], self.points[None])
-        cost = np.where(seen, _between(starts, self.points) + self._to_go * (1.0 + taste), np.inf)
-        # Hemmed in on all sides, somebody goes straight for the goal.
+        visible = self.visible(starts[:, None], self.points[None])
+        cost = np.where(visible, _between(starts, self.points) + self._to_go * (1.0 + taste), np.inf)
+        # Where no point is visible, the way is straight to the goal.
         node = np.where(np.isfinite(cost).any(-1), cost.argmin(-1), len(self.points) - 1)
         bends = np.empty((len(starts), BENDS, 2))
         for bend in range(BENDS):
@@ -93,35 +93,35 @@ NEAR, FAR = tasks.PUCK_RADIUS, float(constants.TABLE_LENGTH) - tasks.PUCK_RADIUS
 KEPT = float(constants.WALL_RESTITUTION)
 
 
-class Eyes:
-    """What n people know of a puck: where it was and how it moved, a reaction time ago.
+class DelayedView:
+    """Delayed knowledge of n pucks: position and velocity, a reaction time ago.
 
     Args:
-        delay: ``[n]`` control steps by which everything is seen late.
+        delay: ``[n]`` reaction times in control steps.
     """
 
     def __init__(self, delay: Integers) -> None:
         self._delay, self._rows = delay, np.arange(len(delay))
-        self._seen: list[Array] = []
+        self._observed: list[Array] = []
 
-    def look(self, position: Array, velocity: Array) -> None:
-        """See, a step after the last look, a puck at ``[n, 2]`` with a velocity ``[n, 2]``."""
+    def add(self, position: Array, velocity: Array) -> None:
+        """Add the next step's positions ``[n, 2]`` and velocities ``[n, 2]``."""
         latest = np.concatenate([position, velocity], axis=-1)
         kept = int(self._delay.max()) + 1
-        # Before the first look everything was as it is then.
-        self._seen = [*(self._seen or [latest] * kept), latest][-kept:]
+        # Before the first step, all was as it is then.
+        self._observed = [*(self._observed or [latest] * kept), latest][-kept:]
 
-    def foresee(self, steps: int) -> Array:
-        """``[n, steps, 2]``: where it will be at the ends of the next steps, as far as was seen."""
-        known = np.stack(self._seen)[-1 - self._delay, self._rows]
-        path = glide(known[:, :2], known[:, 2:], steps + int(self._delay.max()))
+    def predict(self, steps: int) -> Array:
+        """Predicted positions ``[n, steps, 2]`` at the ends of the next steps."""
+        known = np.stack(self._observed)[-1 - self._delay, self._rows]
+        path = sliding_path(known[:, :2], known[:, 2:], steps + int(self._delay.max()))
         shift = self._delay[:, None] + np.arange(steps)
-        seen: Array = path[self._rows[:, None], shift]
-        return seen
+        predicted: Array = path[self._rows[:, None], shift]
+        return predicted
 
 
-def glide(position: Array, velocity: Array, steps: int) -> Array:
-    """``[n, steps, 2]``: where pucks at `position` ``[n, 2]`` with `velocity` ``[n, 2]`` are at the next steps' ends.
+def sliding_path(position: Array, velocity: Array, steps: int) -> Array:
+    """Positions ``[n, steps, 2]`` at the next steps' ends of pucks at `position` ``[n, 2]`` with `velocity` ``[n, 2]``.
 
     Exact between bounces (``x + v t - a t^2 / 2``); a bounce is mirrored within its step.
     """
@@ -144,7 +144,7 @@ def _bounced(place: Array, speed: Array, low: float, high: float) -> tuple[Array
 
 
 def crossing(path: Array, line: Array) -> tuple[NDArray[np.int64], Array]:
-    """When and where a path ``[n, steps, 2]`` comes down over a line across the table at x = `line` ``[n]``.
+    """Time and place at which a path ``[n, steps, 2]`` crosses a line at x = `line` ``[n]``, downhill.
 
     Returns:
         The step ``[n]`` at whose end it is below, counted from 1; the number of steps plus 1 where it never is; and
@@ -160,20 +160,20 @@ def crossing(path: Array, line: Array) -> tuple[NDArray[np.int64], Array]:
     return np.where(comes, index + 1, path.shape[1] + 1), place
 
 
-def around(draws: Draws, least: float, greatest: float, *shape: int) -> Array:
-    """``[n, *shape, 2]`` metres away in every direction, by distances between `least` and `greatest`."""
+def displacements(draws: Draws, least: float, greatest: float, *shape: int) -> Array:
+    """Displacements ``[n, *shape, 2]`` in uniform directions, by distances between `least` and `greatest` metres."""
     angle, distance = draws.uniform(0.0, 2.0 * np.pi, *shape), draws.uniform(least, greatest, *shape)
     away: Array = distance[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     return away
 
 
-def folded(places: Array) -> Array:
-    """Places ``[..., 2]`` beyond the workspace's edges, mirrored into it; clipping would pile them up there."""
+def mirrored(places: Array) -> Array:
+    """Places ``[..., 2]``, mirrored at the workspace's edges into it; clipping would accumulate them at the edges."""
     inside: Array = WORKSPACE_HIGH - np.abs(WORKSPACE_HIGH - WORKSPACE_LOW - np.abs(places - WORKSPACE_LOW))
     return inside
 
 
-def choose(clearance: Array, wanted: Array) -> Integers:
-    """``[n]``: of clearances ``[n, T]`` the first that is as wanted ``[n]``, or else the greatest."""
+def first_clear(clearance: Array, wanted: Array) -> Integers:
+    """Index ``[n]`` of the first clearance ``[n, T]`` that is as wanted ``[n]``, or else of the greatest."""
     enough = clearance >= wanted[:, None]
     return np.where(enough.any(-1), enough.argmax(-1), clearance.argmax(-1))

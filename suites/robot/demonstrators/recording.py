@@ -1,4 +1,4 @@
-"""What operators leave behind: steps of n worlds in lock step, cut into episodes where each operator stopped."""
+"""Recordings of scripted demonstrators: steps of n worlds in lock step, cut into episodes where each one stopped."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ SUCCESS = tasks.OUTCOMES[tasks.SUCCESS]
 
 
 def scored(outcome: Names, touched: NDArray[np.bool_], score: Literal["touch", "hit"]) -> Names:
-    """Outcomes ``[n]`` under the rules of a hit, as the task's own score has them: a touch may be enough."""
+    """Outcomes ``[n]`` under the task's own score, from those under the rules of a hit: a touch may be enough."""
     if score == "hit":
         return outcome
-    told = outcome.copy()
-    told[touched] = SUCCESS
-    return told
+    judged = outcome.copy()
+    judged[touched] = SUCCESS
+    return judged
 
 
 class Recording:
@@ -45,16 +45,16 @@ class Recording:
         """One step of all.
 
         Args:
-            action: ``[n, act]``; NaN where nothing was commanded.
+            action: ``[n, act]``; NaN where there is none.
             observation: ``[n, obs]`` after it.
-            outcome: ``[n]`` how the rules would end an episode at this step, None where they would not.
+            outcome: ``[n]`` with which the rules would end an episode at this step, None where they would not.
         """
         self._actions.append(action.astype(np.float32))
         self._observations.append(observation)
         self._outcomes.append(outcome)
 
     def stopped(self, lengths: Integers) -> Take:
-        """What the first `lengths` ``[n]`` steps of each hold."""
+        """The first `lengths` ``[n]`` steps of each, as episodes."""
         length = lengths.astype(np.int64)
         table = np.stack(self._outcomes)
         ended = table.astype(np.bool_) & (np.arange(len(table))[:, None] < length)
@@ -77,9 +77,9 @@ class Take:
     """A finished recording.
 
     Attributes:
-        episodes: their last reward is 1 where the rules would have called them a success. None is terminated: it is
-            the operator who stops a recording.
-        outcomes: ``[n]`` how the rules would first have ended each, None where they would not have.
+        episodes: their last reward is 1 where the rules would have judged a success. None is terminated: the
+            demonstrator stops the recording.
+        outcomes: ``[n]`` with which the rules would first have ended each, None where they would not have.
     """
 
     episodes: Episodes
@@ -87,30 +87,30 @@ class Take:
 
 
 def _cut(steps: list[FloatArray], lengths: Integers) -> FloatArray:
-    """End to end, the first `lengths` ``[n]`` rows of each of n columns of steps ``[n, width]``."""
+    """The first `lengths` ``[n]`` rows of each of n columns of steps ``[n, width]``, concatenated."""
     columns = np.stack(steps, axis=1)
     kept: FloatArray = columns[np.arange(columns.shape[1]) < lengths[:, None]]
     return kept
 
 
 VERSION = 1
-"""To be raised when something changes what is recorded that is neither a field nor a constant of the robot."""
+"""Part of the fingerprint; raised with every change of a recording that no field or constant of the robot shows."""
 
 
 @dataclass(frozen=True)
 class ScriptedDemonstrator(ABC):
-    """An operator whose fields decide what it records."""
+    """A scripted demonstrator, whose fields decide its recordings."""
 
     @abstractmethod
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """Record that many episodes, and know how the rules would have judged them.
+        """Recordings of that many episodes, with the outcomes under the rules.
 
         Every episode has random numbers of its own, so a longer recording begins with the shorter one.
         """
 
     @property
     def fingerprint(self) -> str:
-        """A hash of the kind of operator, its fields and every constant of the simulated robot."""
+        """Hash of the class, its fields and every constant of the simulated robot."""
         return content_hash(
             {
                 "version": VERSION,
@@ -130,13 +130,13 @@ def _plain(value: Any) -> Any:
 
 
 def drag(simulation: Simulation, first: FloatArray, person: Person, way: Journey, draws: Draws, limit: int) -> Take:
-    """Record a journey that was decided before it began.
+    """Recordings of a journey that is planned before it begins.
 
     Args:
         simulation: just reset, with rules that end nothing.
         first: ``[n, obs]`` its first observations.
-        person: whose hand is on the mouse.
-        way: what that person means to do.
+        person: model of the hand on the mouse.
+        way: the journey.
         draws: the tremor's.
         limit: steps after which a recording is cut at the latest.
     """

@@ -1,4 +1,4 @@
-"""Striking a puck that lies still: an expert's single motion through it, and swings only vaguely meant for it."""
+"""Striking a puck at rest: an expert's single stroke through it, and suboptimal swings near it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from suites.robot import constants, tasks
 from suites.robot.demonstrators.human_motion import MOUSE, QUICK_HAND, Array, Draws, Pace, Person, journey
-from suites.robot.demonstrators.planning import around, choose, folded
+from suites.robot.demonstrators.planning import displacements, first_clear, mirrored
 from suites.robot.demonstrators.recording import ScriptedDemonstrator, Take, drag
 from suites.robot.simulation import Simulation
 from suites.robot.tasks import PuckStriking
@@ -26,10 +26,10 @@ class SingleStrike(ScriptedDemonstrator):
     """An expert: one efficient stroke from the start pose through the puck; every number ours.
 
     Attributes:
-        person: how the hand moves.
-        pace: when it sets out and how long it lingers.
-        aim: standard deviation in metres, per axis, of the point that is aimed at.
-        through: shortest and longest way, in metres, that the stroke goes on behind the puck's centre.
+        person: model of the hand.
+        pace: timing of the stroke.
+        aim: standard deviation in metres, per axis, of the target.
+        through: shortest and longest way, in metres, of the stroke behind the puck's centre.
         short: probability that the stroke is misjudged.
         missing: share of the way that a misjudged stroke lacks.
     """
@@ -58,16 +58,16 @@ class SingleStrike(ScriptedDemonstrator):
 
 @dataclass(frozen=True)
 class VagueSwings(ScriptedDemonstrator):
-    """Somebody who swings about in the puck's neighbourhood and seldom meets it; every number ours.
+    """A suboptimal demonstrator, who swings near the puck and seldom meets it; every number ours.
 
     Attributes:
-        person: how the hand moves.
-        pace: how it strings its strokes together.
+        person: model of the hand.
+        pace: timing of the strokes.
         swings: strokes per episode.
         near: shortest and longest distance in metres from the puck's centre at which a swing ends.
-        free: metres between paddle and puck that swings are meant to keep.
-        careless: probability that they are not.
-        thoughts: ways among which one that keeps free of the puck is looked for.
+        free: metres between paddle and puck that swings keep.
+        careless: probability that they do not.
+        thoughts: candidate ways, of which one that avoids the puck is taken.
     """
 
     person: Person = MOUSE
@@ -92,11 +92,11 @@ class VagueSwings(ScriptedDemonstrator):
     def _swings(self, draws: Draws, start: Array, puck: Array) -> Array:
         """Ends ``[n, swings, 2]``: of several ways the first that keeps clear of the puck, or any if careless."""
         shape = (self.thoughts, self.swings)
-        ends = folded(puck[:, None, None] + around(draws, *self.near, *shape))
+        ends = mirrored(puck[:, None, None] + displacements(draws, *self.near, *shape))
         corners = np.concatenate([np.broadcast_to(start[:, None, None], (*ends.shape[:2], 1, 2)), ends], axis=2)
         clear = _distance(corners[:, :, :-1], corners[:, :, 1:], puck[:, None, None]).min(-1)
         wanted = np.where(draws.happens(self.careless), 0.0, tasks.PUCK_REACH + self.free)
-        swings: Array = ends[np.arange(len(ends)), choose(clear, wanted)]
+        swings: Array = ends[np.arange(len(ends)), first_clear(clear, wanted)]
         return swings
 
 

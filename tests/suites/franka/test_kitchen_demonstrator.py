@@ -1,4 +1,4 @@
-"""The scripted demonstrator: what it completes, and that it needs no memory for it."""
+"""The kitchen's scripted demonstrator: completed sub-tasks, and independence of memory."""
 
 from __future__ import annotations
 

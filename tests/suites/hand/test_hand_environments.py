@@ -169,7 +169,7 @@ def test_starts_and_first_steps_are_those_of_the_files(name: str) -> None:
 
 @outside
 def test_rewards_are_those_of_the_files() -> None:
-    """Of every step of door and pen, out of the recorded observations and velocities."""
+    """Rewards of every step of door and pen, from recorded observations and velocities."""
     with h5py.File(EXTERNAL / "door-external-expert.hdf5") as root:
         after = root["next_observations"][:-1].astype(np.float64)
         velocities = root["infos/qvel"][1:].astype(np.float64)

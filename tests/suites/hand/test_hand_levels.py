@@ -1,4 +1,4 @@
-"""Who makes the generated data of the hand: what the cards say, and what the policies do."""
+"""Demonstrators of the hand's generated data: their cards and their policies."""
 
 from __future__ import annotations
 

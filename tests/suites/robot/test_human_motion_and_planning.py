@@ -1,4 +1,4 @@
-"""What operators are made of: strokes, hands, routes and foresight."""
+"""Parts of the scripted demonstrators: strokes, hands, routes, predictions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 
 from suites.robot import constants, tasks
 from suites.robot.demonstrators.human_motion import MOUSE, PERIOD, Draws, Hand, Intention, bulge, minimum_jerk
-from suites.robot.demonstrators.planning import BENDS, Eyes, Routes, choose, crossing, folded, glide
+from suites.robot.demonstrators.planning import (
+    BENDS,
+    DelayedView,
+    Routes,
+    crossing,
+    first_clear,
+    mirrored,
+    sliding_path,
+)
 from suites.robot.servo import WORKSPACE_HIGH, WORKSPACE_LOW
 from suites.robot.simulation import Simulation
 
@@ -67,7 +75,7 @@ def test_foresight_agrees_with_the_simulated_puck() -> None:
     simulation.reset(range(n), effector=np.tile([0.3, 0.0], (n, 1)))
     puck, velocity = simulation.puck, simulation.puck_velocity
     assert puck is not None and velocity is not None
-    path = glide(puck, velocity, 20)
+    path = sliding_path(puck, velocity, 20)
     for step in range(20):
         simulation.step(np.zeros((n, 2)))
         truly = simulation.puck
@@ -77,13 +85,13 @@ def test_foresight_agrees_with_the_simulated_puck() -> None:
 
 def test_eyes_see_late_and_make_up_for_it() -> None:
     position, velocity = np.array([[1.5, 0.0], [1.5, 0.0]]), np.array([[-0.2, 0.1], [-0.2, 0.1]])
-    truth = glide(position, velocity, 12)
-    eyes = Eyes(np.array([0, 3]))
-    eyes.look(position, velocity)
+    truth = sliding_path(position, velocity, 12)
+    view = DelayedView(np.array([0, 3]))
+    view.add(position, velocity)
     fall = 9.81 * np.sin(np.radians(constants.TABLE_TILT)) * (1.0 - constants.FRICTION_LOSS)
     for step in range(3):
-        eyes.look(truth[:, step], velocity - [fall * PERIOD * (step + 1), 0.0])
-    np.testing.assert_allclose(eyes.foresee(8), truth[:, 3:11], atol=1e-9)
+        view.add(truth[:, step], velocity - [fall * PERIOD * (step + 1), 0.0])
+    np.testing.assert_allclose(view.predict(8), truth[:, 3:11], atol=1e-9)
 
 
 def test_a_crossing_is_where_the_path_comes_down_over_the_line() -> None:
@@ -95,6 +103,6 @@ def test_a_crossing_is_where_the_path_comes_down_over_the_line() -> None:
 
 def test_places_are_mirrored_into_the_workspace_and_the_first_that_suits_is_taken() -> None:
     beyond = np.array([WORKSPACE_HIGH + 0.1, WORKSPACE_LOW - 0.1, (WORKSPACE_LOW + WORKSPACE_HIGH) / 2])
-    np.testing.assert_allclose(folded(beyond), [WORKSPACE_HIGH - 0.1, WORKSPACE_LOW + 0.1, beyond[2]])
+    np.testing.assert_allclose(mirrored(beyond), [WORKSPACE_HIGH - 0.1, WORKSPACE_LOW + 0.1, beyond[2]])
     clearance = np.array([[0.1, 0.3, 0.4], [0.1, 0.2, 0.15]])
-    assert choose(clearance, np.array([0.25, 0.25])).tolist() == [1, 1]
+    assert first_clear(clearance, np.array([0.25, 0.25])).tolist() == [1, 1]

@@ -1,4 +1,4 @@
-"""What the scripted operators record: how often they succeed, where they begin, how they move."""
+"""Recordings of the scripted demonstrators: success rates, starts, motions."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def take(environment: str, level: str) -> Take:
 
 
 def tracks(episodes: Episodes) -> list[Array]:
-    """Where the effector was seen, per episode."""
+    """Observed positions of the effector, per episode."""
     return [
         episodes.observations[first : first + length + 1, :2].astype(np.float64)
         for first, length in zip(episodes.first_observation, episodes.lengths, strict=True)
@@ -85,9 +85,9 @@ def test_the_mean_return_is_the_success_rate(environment: str, level: str) -> No
 
 @every
 def test_one_seed_gives_one_recording_and_a_longer_one_begins_with_it(environment: str, level: str) -> None:
-    operator = demonstrator(environment, level)
-    once, again, longer = (operator.record(count, np.random.default_rng(3)) for count in (4, 4, 6))
-    other = operator.record(4, np.random.default_rng(4))
+    maker = demonstrator(environment, level)
+    once, again, longer = (maker.record(count, np.random.default_rng(3)) for count in (4, 4, 6))
+    other = maker.record(4, np.random.default_rng(4))
     for name in ("observations", "actions", "rewards", "lengths"):
         np.testing.assert_array_equal(getattr(once, name), getattr(again, name))
         np.testing.assert_array_equal(getattr(once, name), getattr(longer.first_episodes(4), name))
@@ -163,7 +163,7 @@ def test_a_hand_has_a_pace_of_its_own_and_no_arms_limits() -> None:
     assert np.abs(everywhere[:, 1]).max() < constants.TABLE_WIDTH / 2
 
 
-def test_a_cup_does_not_stop_the_suboptimal_operator() -> None:
+def test_a_cup_does_not_stop_the_suboptimal_demonstrator() -> None:
     recorded = take("safe-manipulation", "suboptimal")
     hit = recorded.outcomes == "cup hit"
     assert hit.mean() > 0.3
@@ -206,26 +206,26 @@ def test_a_single_hit_ends_the_recording_and_repeated_hits_go_on() -> None:
     assert episodes.lengths.max() <= 2000
 
 
-def test_operators_are_known_by_a_hash_of_what_decides_their_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fingerprint_covers_class_fields_and_constants(monkeypatch: pytest.MonkeyPatch) -> None:
     known = [demonstrator(environment, level) for environment, level in ALL]
-    assert all(isinstance(operator, Operator) for operator in known)
-    assert len({operator.fingerprint for operator in known}) == len(ALL)
-    operator = SafeTeleoperation()
-    before = operator.fingerprint
+    assert all(isinstance(maker, Operator) for maker in known)
+    assert len({maker.fingerprint for maker in known}) == len(ALL)
+    maker = SafeTeleoperation()
+    before = maker.fingerprint
     assert before == SafeTeleoperation().fingerprint
-    assert before != replace(operator, care=replace(operator.care, aim=0.013)).fingerprint
+    assert before != replace(maker, care=replace(maker.care, aim=0.013)).fingerprint
     monkeypatch.setattr(constants, "CUP_RADIUS", constants.CUP_RADIUS + 0.001)
-    assert before != operator.fingerprint
+    assert before != maker.fingerprint
 
 
-def test_an_unknown_name_is_told() -> None:
+def test_an_unknown_name_is_an_error_with_that_name() -> None:
     with pytest.raises(UserError, match="puck-strking"):
         demonstrator("puck-strking", "expert")
     with pytest.raises(UserError, match="hand"):
         demonstrator("puck-striking", "hand")
 
 
-def test_the_measured_table_has_a_line_per_operator(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_measured_table_has_a_line_per_demonstrator(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measure, "demonstrators", lambda: {"puck-striking": demonstrators()["puck-striking"]})
     heading, expert, suboptimal = measure.lines(20, 0)
     assert "success" in heading

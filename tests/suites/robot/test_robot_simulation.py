@@ -53,7 +53,7 @@ def run(simulation: Simulation, goal: Array | None) -> tuple[StepResult, int]:
 def ended(simulation: Simulation, goal: Array | None = None) -> str | None:
     """The outcome, once it is consistent with reward and flags."""
     stepped, step = run(simulation, goal)
-    assert stepped.told[0]
+    assert stepped.ended[0]
     assert stepped.reward[0] == (1.0 if stepped.outcome[0] == "success" else 0.0)
     assert stepped.truncated[0] == (not stepped.terminated[0])
     assert stepped.truncated[0] == (stepped.outcome[0] == "out of time") or step == simulation.horizon
@@ -163,7 +163,7 @@ class TestDynamicHitting:
             # A retreat that softens the contact, then standing below the puck.
             below = pair(0.68 - 0.01 * min(step, 5), simulation.puck[0, 1])
             stepped = simulation.step(towards(simulation, below, 0.2))
-            if stepped.told[0]:
+            if stepped.ended[0]:
                 break
         assert (stepped.outcome[0], bool(stepped.truncated[0])) == ("touched only", True)
 
