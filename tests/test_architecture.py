@@ -1,4 +1,4 @@
-"""The house: which room may import which. Read from the source, imports inside functions included."""
+"""The architecture: which package may import which. Read from the source, imports inside functions included."""
 
 from __future__ import annotations
 
@@ -110,11 +110,11 @@ def imported(path: Path) -> Iterator[tuple[int, str]]:
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}:{node.lineno}: relative imports hide the room"
+            assert node.level == 0, f"{path}:{node.lineno}: relative imports hide the package"
             yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
 
 
-def room_of(path: Path) -> str:
+def package_of(path: Path) -> str:
     parts = path.relative_to(ROOT / "lfobench").with_suffix("").parts
     return parts[0]
 
@@ -123,25 +123,25 @@ def place(path: Path, line: int, name: str) -> str:
     return f"{path.relative_to(ROOT)}:{line} imports {name}"
 
 
-@pytest.mark.parametrize("room", MAY_IMPORT)
-def test_rooms_import_only_those_below(room: str) -> None:
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_packages_import_only_those_below(package: str) -> None:
     violations = []
     for path in sources("lfobench"):
-        if room_of(path) != room:
+        if package_of(path) != package:
             continue
         for line, name in imported(path):
             head, *rest = name.split(".")
             if head != "lfobench" or not rest:
                 continue
             known = rest[0] in MAY_IMPORT
-            if known and rest[0] != room and rest[0] not in MAY_IMPORT[room]:
+            if known and rest[0] != package and rest[0] not in MAY_IMPORT[package]:
                 violations.append(place(path, line, name))
     assert violations == []
 
 
-def test_every_module_is_in_a_room() -> None:
-    rooms = {room_of(path) for path in sources("lfobench")}
-    assert rooms == set(MAY_IMPORT) | {"__init__", "__main__"}
+def test_every_module_is_in_a_known_package() -> None:
+    packages = {package_of(path) for path in sources("lfobench")}
+    assert packages == set(MAY_IMPORT) | {"__init__", "__main__"}
 
 
 def test_only_the_entry_point_imports_the_command_line() -> None:
@@ -150,13 +150,13 @@ def test_only_the_entry_point_imports_the_command_line() -> None:
         for package in ("lfobench", "methods", "suites")
         for path in sources(package)
         for line, name in imported(path)
-        if name.startswith("lfobench.cli") and room_of_any(path) not in ("cli", "__main__")
+        if name.startswith("lfobench.cli") and top_package_of(path) not in ("cli", "__main__")
     ]
     assert users == []
 
 
-def room_of_any(path: Path) -> str:
-    return room_of(path) if path.is_relative_to(ROOT / "lfobench") else path.relative_to(ROOT).parts[0]
+def top_package_of(path: Path) -> str:
+    return package_of(path) if path.is_relative_to(ROOT / "lfobench") else path.relative_to(ROOT).parts[0]
 
 
 def test_the_harness_knows_no_method_and_no_suite() -> None:
@@ -209,7 +209,7 @@ def test_methods_touch_no_file_and_no_simulator() -> None:
 
 
 def test_suites_are_data() -> None:
-    """A suite file declares; what reads weights and simulates lies below, and tools are elsewhere."""
+    """A suite file only declares; reading of weights and simulation lie in packages below, distillation in tools/."""
     violations = []
     for path in sources("suites"):
         forbidden = {"rich", "typer", "methods"}
@@ -228,7 +228,7 @@ WRITERS = {"write_bytes", "write_text", "save_file", "mkdir", "unlink", "rename"
 
 
 def test_suites_write_no_files() -> None:
-    """What a run imports (the suite, `load`, the policies) reads weights and writes nothing."""
+    """Suites and demonstrators, which every run imports, read weights and write nothing."""
     violations = []
     for path in sources("suites"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -239,7 +239,7 @@ def test_suites_write_no_files() -> None:
     assert violations == []
 
 
-@pytest.mark.parametrize("package", ["lfobench", "methods", "suites"])
+@pytest.mark.parametrize("package", ["lfobench", "methods", "suites", "tools", "benchmarks"])
 def test_every_module_says_what_it_is_for(package: str) -> None:
     silent = [str(path) for path in sources(package) if not ast.get_docstring(ast.parse(path.read_text("utf-8")))]
     assert silent == []

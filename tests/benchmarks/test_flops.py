@@ -60,7 +60,7 @@ def test_dilo_per_task(task: str, printed: float) -> None:
 
 
 def test_what_the_formulas_do_not_need() -> None:
-    """Unneeded products of ORIL: the first critic's gradients in the actor's loss; gradients of inputs but the action."""
+    """Unneeded products of ORIL: gradients of the first critic in the actor's loss, and of inputs but the action."""
     extra = flops.flops(flops.oril(HOPPER, 1, HIDDEN, "released")) - flops.flops(
         flops.oril(HOPPER, 1, HIDDEN, "needed")
     )

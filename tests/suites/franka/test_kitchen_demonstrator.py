@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from safetensors.numpy import load_file
 
 from lfobench.cells.parts import specification
 from lfobench.contract.episodes import FloatArray
@@ -124,10 +123,3 @@ def test_levels_act_differently_and_say_so() -> None:
     assert load("kitchen", "mixed").fingerprint == levels("mixed").fingerprint
     with pytest.raises(UserError, match="level"):
         load("kitchen", "human")
-
-
-def test_the_stored_paths_are_those_that_are_planned() -> None:
-    stored = load_file(FILE)
-    for kind, draft in zip(("do", "back"), planning.light_switch(planning.Arm()), strict=True):
-        np.testing.assert_allclose(stored[f"light switch/{kind}/positions"], np.stack(draft.points), atol=1e-3)
-        np.testing.assert_allclose(stored[f"light switch/{kind}/commands"], draft.commands(), atol=1e-3)

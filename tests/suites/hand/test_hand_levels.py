@@ -5,21 +5,17 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import typer
 
 from lfobench.contract.episodes import FloatArray
 from lfobench.contract.suite import Demonstrator
 from lfobench.errors import UserError
 from suites.adroit import ENVIRONMENTS
-from suites.demonstrators.policy import GaussianTanhPolicy
 from suites.hand.levels import LEVELS, MANNERS, WEIGHTS, Halves, ScriptedPolicy, demonstrator, policy
-from tools.adroit_distil import CloneSettings, clone, main
-from tools.adroit_measure import Played, act_out
+from tools.adroit_measure import act_out
 from tools.distillation import shortfall
 
 SHAPES = {"pen": (45, 24), "door": (39, 28), "hammer": (46, 26)}
@@ -121,20 +117,6 @@ def test_two_policies_share_the_steps_and_never_an_episode() -> None:
     assert halves.fingerprint != Halves(*reversed(pair)).fingerprint
 
 
-def test_a_clone_learns_what_was_done() -> None:
-    generator = np.random.default_rng(0)
-    observations = generator.standard_normal((600, 4)).astype(np.float32)
-    actions = np.stack([0.5 * observations[:, 0], np.zeros(600, np.float32)], axis=1).clip(-1, 1)
-    settings = CloneSettings(steps=250, hidden=(16, 16))
-    content = clone(observations, actions, settings)
-    assert content == clone(observations, actions, settings)
-    learnt = GaussianTanhPolicy(content)
-    row = np.array([0.8, 0.0, 0.0, 0.0], np.float32)
-    np.testing.assert_allclose(learnt.mean_action(row), [0.4, 0.0], atol=0.1)
-    spread = np.std([learnt.act(row, generator) for _ in range(500)], axis=0)
-    assert (spread < 0.2).all()
-
-
 @pytest.mark.parametrize(("name", "kind"), FILES)
 def test_cards_say_what_the_weights_are(name: str, kind: str) -> None:
     card, content = read_card(name, kind), (WEIGHTS / f"{name}-{kind}.safetensors").read_bytes()
@@ -157,31 +139,8 @@ def test_cards_say_what_the_weights_are(name: str, kind: str) -> None:
         assert card["levels"]["sampled"]["score_mean"] < read_card(name, "expert")["levels"]["sampled"]["score_mean"]
 
 
-@pytest.mark.parametrize(("name", "steps"), [("pen", 20), ("door", 25), ("hammer", 25)])
-def test_a_success_that_does_not_last_counts_here_alone(name: str, steps: int) -> None:
-    played = Played(name, np.zeros(4), np.array([0, 1, steps, steps + 1]))
-    assert (played.success, played.lasting_success) == (0.75, 0.25)
-    assert played.first(2).success == 0.5
-
-
 def test_the_levels_are_in_order() -> None:
     """Few episodes of door, whose levels lie far apart."""
     expert, scripted = (act_out(DOOR, demonstrator("door", level).act, range(6)) for level in ("expert", "scripted"))
     assert expert.success == expert.lasting_success == 1.0
     assert scripted.returns.mean() < 0.6 * expert.returns.mean()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("pin", "expert"), "Did you mean 'pen'"),
-        (("pen", "expert"), "Give --teacher FILE"),
-        (("pen", "expert", Path("none.npz")), "Cannot use teacher 'none.npz'"),
-    ],
-)
-def test_the_script_explains_a_mistake(arguments, message, capsys, tmp_path) -> None:
-    with pytest.raises(typer.Exit) as stop:
-        main(*arguments, output=tmp_path)
-    assert stop.value.exit_code == 2
-    assert message in " ".join(capsys.readouterr().out.split())
-    assert not list(tmp_path.iterdir())

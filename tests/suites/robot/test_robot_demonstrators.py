@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from functools import cache
 
@@ -13,14 +12,12 @@ from numpy.typing import NDArray
 from lfobench.contract.episodes import Episodes
 from lfobench.contract.suite import Operator
 from lfobench.errors import UserError
-from lfobench.stats.successes import wilson_interval
 from suites.robot import constants, tasks
 from suites.robot.demonstrators import demonstrator, demonstrators
 from suites.robot.demonstrators.hitting import Hitting
 from suites.robot.demonstrators.manipulation import SafeTeleoperation
 from suites.robot.demonstrators.recording import SUCCESS, Take
 from suites.robot.simulation import Simulation
-from tools import airhockey_measure as measure
 
 Array = NDArray[np.float64]
 
@@ -223,25 +220,6 @@ def test_an_unknown_name_is_an_error_with_that_name() -> None:
         demonstrator("puck-strking", "expert")
     with pytest.raises(UserError, match="hand"):
         demonstrator("puck-striking", "hand")
-
-
-def test_the_measured_table_has_a_line_per_demonstrator(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure, "demonstrators", lambda: {"puck-striking": demonstrators()["puck-striking"]})
-    heading, expert, suboptimal = measure.lines(20, 0)
-    assert "success" in heading
-    assert expert.split()[:3] == ["puck-striking", "expert", "20"]
-    assert "no end" in suboptimal
-
-
-def test_the_interval_is_wilsons(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = demonstrators()
-    monkeypatch.setattr(measure, "demonstrators", lambda: {"puck-striking": known["puck-striking"]})
-    for line in list(measure.lines(20, 0))[1:]:
-        found = re.match(r"\S+ +\S+ +20 +(\S+) +(\S+) to (\S+) ", line)
-        assert found is not None
-        rate, *bounds = (float(text) / 100 for text in found.groups())
-        interval = wilson_interval(round(20 * rate), 20)
-        assert bounds == pytest.approx([interval.low, interval.high], abs=5.1e-4)
 
 
 @pytest.mark.parametrize("level", ["expert", "suboptimal"])
