@@ -94,6 +94,19 @@ MAY_IMPORT: dict[str, set[str]] = {
         "text",
     },
 }
+MAY_IMPORT["suite_pictures"] = {
+    "api",
+    "contract",
+    "cells",
+    "data",
+    "engine",
+    "errors",
+    "files",
+    "plots",
+    "record",
+    "registry",
+    "tables",
+}
 # The command line is above everything.
 MAY_IMPORT["cli"] = set(MAY_IMPORT)
 

@@ -199,7 +199,7 @@ class SeedPlan:
         return f"with {n} {unit}s, {TESTS[design.test]} gives at best p = {smallest:.2g}{times}"
 
 
-def plan_seeds(pilot: Pilot, design: Design, workers: int = 1) -> SeedPlan:
+def seeds_needed(pilot: Pilot, design: Design, workers: int = 1) -> SeedPlan:
     """The plan for a pilot.
 
     Raises:

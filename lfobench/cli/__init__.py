@@ -8,23 +8,7 @@ import sys
 import typer
 
 from lfobench import lazy_torch
-from lfobench.cli import (
-    audit,
-    check,
-    compare,
-    data,
-    ls,
-    new,
-    plan_seeds,
-    plot,
-    records,
-    report,
-    run,
-    show,
-    table,
-    tune,
-    video,
-)
+from lfobench.cli import data, figures, methods, power, records, run, show, tables, tune
 from lfobench.cli.console import errors, guarded_streams, one_line
 from lfobench.errors import UserError
 
@@ -37,22 +21,22 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command(name="ls")(ls.list_names)
+app.command(name="ls")(show.list_names)
 app.command(name="show")(show.show)
-app.command(name="check")(check.check)
-app.add_typer(new.app, name="new")
+app.command(name="check")(methods.check)
+app.add_typer(methods.app, name="new")
 app.add_typer(data.app, name="data")
 app.command(name="run")(run.run)
 app.command(name="tune")(tune.tune)
 app.command(name="status")(records.status)
 app.command(name="why")(records.why)
-app.command(name="table")(table.table)
-app.command(name="plot")(plot.plot)
-app.command(name="video")(video.video)
-app.command(name="report")(report.report)
-app.command(name="compare")(compare.compare)
-app.command(name="audit")(audit.audit)
-app.command(name="plan")(plan_seeds.plan)
+app.command(name="table")(tables.table)
+app.command(name="plot")(figures.plot)
+app.command(name="video")(figures.video)
+app.command(name="report")(figures.report)
+app.command(name="compare")(tables.compare)
+app.command(name="audit")(tables.audit)
+app.command(name="power")(power.power_of_seeds)
 
 
 READING = {"ls", "show", "status", "why", "data"}

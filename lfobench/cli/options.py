@@ -1,11 +1,22 @@
-"""Options that several commands share, with one meaning each."""
+"""Options that commands share, with one meaning each, and requests and selections made of them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from lfobench.cli.console import errors, one_line
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from lfobench.api import Selection
+    from lfobench.cells.plan import Request
+    from lfobench.record import Warning
+    from lfobench.registry import Suites
 
 Methods = Annotated[
     str,
@@ -66,3 +77,134 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 DEFAULT_METHODS = "dilo,smodice,oril,bco,bc"
 DEFAULT_SUITE = "locomotion"
 DEFAULT_OUT = Path("runs")
+
+
+def request(
+    methods: str,
+    suite: str,
+    tasks: str | None,
+    seeds: str | None,
+    protocol: str,
+    preset: str,
+    assign: list[str] | None,
+    source: str,
+    device: str,
+    steps: int | None,
+    precision: str,
+    grid: list[str] | None = None,
+) -> Request:
+    """The options that ``run`` and ``why`` share, as one value."""
+    from lfobench.cells.plan import Request
+
+    return Request(
+        methods,
+        suite,
+        tasks,
+        seeds,
+        protocol,
+        preset,
+        tuple(assign or ()),
+        source,
+        device,
+        steps,
+        precision,
+        tuple(grid or ()),
+    )
+
+
+def choices_in(out: Path, tuned: bool, grid: list[str] | None) -> Path | None:
+    """Where the choices lie that ``--tuned`` takes; None without it.
+
+    Raises:
+        UserError: ``--grid`` without ``--tuned``.
+    """
+    from lfobench.errors import UserError
+
+    if grid and not tuned:
+        raise UserError("--grid says which choice --tuned takes.", "Add --tuned, or choose with 'lfobench tune'.")
+    return out if tuned else None
+
+
+def registered_suites() -> Suites:
+    """The registered suites; a warning is printed for each that is broken."""
+    from lfobench.registry import load_suites
+
+    found = load_suites()
+    warn(found.broken)
+    return found
+
+
+def suite_and_tasks(name: str, tasks: str | None) -> tuple[str, str | None]:
+    """A suite and the globs of its tasks, where the name may also be that of a task of a registered suite.
+
+    Raises:
+        UserError: an unknown name, or globs beside a single task.
+    """
+    from lfobench.errors import UserError, unknown_name
+    from lfobench.registry import suite_names
+
+    if name.endswith(".py") or name in suite_names():
+        return name, tasks
+    owners = registered_suites().owners
+    if name not in owners:
+        raise unknown_name("suite or task", name, [*suite_names(), *owners])
+    if tasks is not None:
+        raise UserError(f"--tasks chooses from a suite, and {name} is one task.", "Leave out one of the two.")
+    return owners[name], name
+
+
+def warn(warnings: Iterable[Warning]) -> None:
+    """Print warnings on standard error."""
+    for warning in warnings:
+        errors.print(f"[yellow]Warning:[/] {one_line(f'{warning.what} {warning.remedy}')}", soft_wrap=True)
+
+
+StatisticName = Annotated[
+    str | None,
+    typer.Option(
+        "--stat",
+        help="Score of a run: last5 (mean of the last 5 evaluations), last, best, at:STEP or success (percentage of "
+        "the last policy's episodes). Default: success where every record says how its episodes ended, else last5.",
+        show_default=False,
+    ),
+]
+TestName = Annotated[
+    str | None,
+    typer.Option(
+        "--test",
+        help="Best against second best: welch, student, mann-whitney, permutation (over seeds); "
+        "paired-t, wilcoxon, paired-permutation (over common start states); fisher (success counts). "
+        "Default: fisher with --stat success, else welch.",
+        show_default=False,
+    ),
+]
+ScopeName = Annotated[str, typer.Option("--scope", help="Who competes: group (methods without expert actions) or all.")]
+CorrectionName = Annotated[str, typer.Option("--correction", help="For the number of rows tested: none, holm or bh.")]
+Alpha = Annotated[float, typer.Option(help="Level of the test, between 0 and 1.")]
+SuiteFilter = Annotated[
+    str | None, typer.Option("--suite", help="Only records of this suite (name, or path of its file).")
+]
+ProtocolFilter = Annotated[str | None, typer.Option("--protocol", help="Only records of this protocol.")]
+StepsFilter = Annotated[int | None, typer.Option("--steps", help="Only records of this many gradient steps.")]
+SourceFilter = Annotated[str | None, typer.Option("--source", help="Only records of this source.")]
+PresetFilter = Annotated[str | None, typer.Option("--preset", help="Only records of this preset.")]
+MethodsFilter = Annotated[str | None, typer.Option("--methods", help="Comma-separated methods, in column order.")]
+
+
+def select_records(
+    out: Path,
+    suite: str | None = None,
+    protocol: str | None = None,
+    steps: int | None = None,
+    source: str | None = None,
+    preset: str | None = None,
+    methods: str | None = None,
+) -> Selection:
+    """The records of a folder that pass the filters; warnings of the folder are printed."""
+    from lfobench import api
+
+    selection = api.select_records(
+        out, suite=suite, protocol=protocol, steps=steps, source=source, preset=preset, methods=methods
+    )
+    warn(selection.warnings)
+    return selection

@@ -14,7 +14,7 @@ from rich.table import Table
 from lfobench.cells.cell import Protocol
 from lfobench.cells.sources import absent_files
 from lfobench.cli.console import duration, output
-from lfobench.cli.inputs import warn
+from lfobench.cli.options import warn
 from lfobench.contract.environment import ActionBox
 from lfobench.contract.suite import Task
 from lfobench.schedule.jobs import Forecast, Needs, Schedule

@@ -12,7 +12,7 @@ from rich.table import Column
 from rich.text import Text
 
 from lfobench.cli.console import INTERRUPTED, LEFT, duration, errors, one_line
-from lfobench.cli.inputs import warn
+from lfobench.cli.options import warn
 from lfobench.data.build import ImportJob, ShardJob
 from lfobench.engine.job import Job, Recorded
 from lfobench.engine.training import Advance

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from lfobench.cli import options
 from lfobench.cli.console import one_line, output, print_json
-from lfobench.cli.inputs import choices_in, request, warn
+from lfobench.cli.options import choices_in, request, warn
 
 if TYPE_CHECKING:
     from lfobench.record import Failure, Record

@@ -8,7 +8,7 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import errors, output, print_json
-from lfobench.cli.inputs import choices_in, request, warn
+from lfobench.cli.options import choices_in, request, warn
 
 
 def run(

@@ -8,7 +8,7 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import errors, output, print_json
-from lfobench.cli.inputs import request
+from lfobench.cli.options import request
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,7 +9,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from lfobench.cli.audit import audit
+from lfobench.cli.tables import audit
 from lfobench.errors import UserError
 
 app = typer.Typer(pretty_exceptions_enable=False)

@@ -95,7 +95,7 @@ def test_every_view_gives_the_same_answer(
     verdict = "better than the second best: dilo on 1" if expected["verdict"] == "better" else "undecided on 1"
     assert verdict in page.read_text(encoding="utf-8")
 
-    planned = json.loads(lfobench_command("plan", "--out", out, "--json").out)
+    planned = json.loads(lfobench_command("power", "--out", out, "--json").out)
     means = {method["column"]: method["mean"] for method in planned["tasks"][0]["methods"]}
     assert means == {name: pytest.approx(np.mean(of)) for name, of in scores.items()}
 

@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from lfobench.cli.report import report
+from lfobench.cli.figures import report
 from lfobench.errors import UserError
 
 REFERENCE = Path(__file__).resolve().parents[2] / "results" / "reference" / "locomotion-quick"

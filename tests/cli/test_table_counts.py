@@ -145,7 +145,7 @@ def test_the_other_views_count_too(counted: Path, tmp_path: Path, lfobench_comma
     assert "variance inflation by seeds" in flat(compared.out)
     same = lfobench_command("compare", counted, counted)
     assert (same.code, "identical 4" in same.out) == (0, True)
-    planned = lfobench_command("plan", "--out", counted)
+    planned = lfobench_command("power", "--out", counted)
     assert planned.code == 0 and "seeds per method" in planned.out
 
 
@@ -158,7 +158,7 @@ def test_plots_of_success_rates(kind: str, counted: Path, tmp_path: Path, lfoben
 
 
 def test_a_plan_of_seeds_refuses_the_test_of_episodes(counted: Path, lfobench_command: InProcess) -> None:
-    assert_refused(lfobench_command("plan", "--out", counted, "--test", "fisher"), "'fisher' counts episodes", "welch")
+    assert_refused(lfobench_command("power", "--out", counted, "--test", "fisher"), "'fisher' counts episodes", "welch")
 
 
 @pytest.mark.parametrize("command", [("compare", "dilo", "bco"), ("report",), ("table",)], ids=" ".join)

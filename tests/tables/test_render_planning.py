@@ -13,7 +13,7 @@ from helpers_folders import with_provenance
 from helpers_records import make_cell, make_record
 from rich.console import Console
 
-from lfobench.analyses.power import SeedPlan, plan_seeds, read_pilot, run_seconds
+from lfobench.analyses.power import SeedPlan, read_pilot, run_seconds, seeds_needed
 from lfobench.analyses.power_formats import json_planning, terminal
 from lfobench.errors import UserError
 from lfobench.record import Record
@@ -38,7 +38,7 @@ def two_tasks() -> list[Record]:
 
 
 def planned(records: Sequence[Record], design: Design = DESIGN, workers: int = 1, **options: Any) -> SeedPlan:
-    return plan_seeds(read_pilot(records, HEADLINE, **options), design, workers)
+    return seeds_needed(read_pilot(records, HEADLINE, **options), design, workers)
 
 
 def draw(plan: SeedPlan, width: int = 120) -> str:

@@ -1,4 +1,4 @@
-"""``lfobench plan`` as a user meets it."""
+"""``lfobench power`` as a user meets it."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def pilot(tmp_path: Path) -> Path:
 
 
 def test_seeds_points_and_hours(pilot: Path, lfobench_command: InProcess) -> None:
-    outcome = lfobench_command("plan", "--out", pilot, "--effect", "10", "--seeds", "5")
+    outcome = lfobench_command("power", "--out", pilot, "--effect", "10", "--seeds", "5")
     assert outcome.code == 0
     assert "To see 10 points with power 0.8" in outcome.out
     assert "dilo, smodice" in outcome.out
     assert "5 seeds everywhere: 4 more runs, 4.0 h with 1 worker" in outcome.out
-    assert "2.0 h with 2 workers" in lfobench_command("plan", "--out", pilot, "--workers", "2").out
+    assert "2.0 h with 2 workers" in lfobench_command("power", "--out", pilot, "--workers", "2").out
 
 
 def test_json_and_chosen_methods(pilot: Path, lfobench_command: InProcess) -> None:
-    value = json.loads(lfobench_command("plan", "--out", pilot, "--methods", "bco,smodice", "--json").out)
+    value = json.loads(lfobench_command("power", "--out", pilot, "--methods", "bco,smodice", "--json").out)
     (task,) = value["tasks"]
     assert [method["column"] for method in task["methods"]] == ["smodice", "bco"]
     assert value["design"]["can_show_anything"] is True
@@ -45,33 +45,33 @@ def test_json_and_chosen_methods(pilot: Path, lfobench_command: InProcess) -> No
 
 def test_a_smaller_effect_needs_more_seeds(pilot: Path, lfobench_command: InProcess) -> None:
     def needed(effect: str) -> int:
-        value = json.loads(lfobench_command("plan", "--out", pilot, "--effect", effect, "--json").out)
+        value = json.loads(lfobench_command("power", "--out", pilot, "--effect", effect, "--json").out)
         return int(value["tasks"][0]["pilot"]["seeds_needed"]["alone"])
 
     assert needed("2") > needed("5") > needed("10")
 
 
 def test_a_design_that_shows_nothing(pilot: Path, lfobench_command: InProcess) -> None:
-    outcome = lfobench_command("plan", "--out", pilot, "--test", "mann-whitney", "--seeds", "3")
+    outcome = lfobench_command("power", "--out", pilot, "--test", "mann-whitney", "--seeds", "3")
     assert outcome.code == 0
     assert "nothing can come out significant" in outcome.out
 
 
 def test_what_cannot_be_planned(pilot: Path, tmp_path: Path, lfobench_command: InProcess) -> None:
-    assert_refused(lfobench_command("plan", "--out", pilot, "--effect", "0"), "--effect")
-    assert_refused(lfobench_command("plan", "--out", pilot, "--power", "1"), "--power")
-    assert_refused(lfobench_command("plan", "--out", pilot, "--methods", "dilo,smodise"), "Did you mean 'smodice'?")
-    assert_refused(lfobench_command("plan", "--out", pilot, "--methods", "dilo"), "two methods")
-    assert_refused(lfobench_command("plan", "--out", tmp_path / "gone"), "No folder")
+    assert_refused(lfobench_command("power", "--out", pilot, "--effect", "0"), "--effect")
+    assert_refused(lfobench_command("power", "--out", pilot, "--power", "1"), "--power")
+    assert_refused(lfobench_command("power", "--out", pilot, "--methods", "dilo,smodise"), "Did you mean 'smodice'?")
+    assert_refused(lfobench_command("power", "--out", pilot, "--methods", "dilo"), "two methods")
+    assert_refused(lfobench_command("power", "--out", tmp_path / "gone"), "No folder")
     (tmp_path / "empty").mkdir()
-    assert_refused(lfobench_command("plan", "--out", tmp_path / "empty"), "holds no records")
+    assert_refused(lfobench_command("power", "--out", tmp_path / "empty"), "holds no records")
 
 
 def test_the_seeds_are_those_of_welchs_test_and_not_of_students(tmp_path: Path, lfobench_command: InProcess) -> None:
     """Spreads of 3.25 and 10 points: with three seeds Welch's test has power 0.70, not the 0.80 of Student's."""
     scores = (50.0 - 3.25, 50.0, 50.0 + 3.25)
     out = write_records(tmp_path / "pilot", [*make_cell(scores), *make_cell(scores, "smodice")])
-    planned = lfobench_command("plan", "--out", out, "--effect", "10", "--seeds", "3", "--json")
+    planned = lfobench_command("power", "--out", out, "--effect", "10", "--seeds", "3", "--json")
     (task,) = json.loads(planned.out)["tasks"]
     assert [method["std"] for method in task["methods"]] == pytest.approx([3.25, 3.25])
     assert task["pilot"]["seeds_needed"]["alone"] == 4

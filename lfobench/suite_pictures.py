@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,6 @@ from lfobench.api import Selection
 from lfobench.cells.cell import load_protocol
 from lfobench.cells.names import select_tasks, split_names
 from lfobench.cells.parts import build_command
-from lfobench.cli.inputs import warn
 from lfobench.contract.suite import Suite, Task
 from lfobench.data.source import demonstrated_strokes, load_task
 from lfobench.engine.trained import of_seed, outcomes_of, policy_of, scene_of, starts_of, traces_of
@@ -22,11 +21,13 @@ from lfobench.files import cache_folder
 from lfobench.plots.figure import PaperFigure
 from lfobench.plots.kinds import PLOTS
 from lfobench.plots.paths import Demonstrated, Field, Hit, RolledOut, field, field_points, hitting, paths
-from lfobench.record import Record
+from lfobench.record import Record, Warning
 from lfobench.registry import load_suite, load_suites, suite_names
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.counting import knobs
 from lfobench.tables.table import Table
+
+Warn = Callable[[Iterable[Warning]], object]
 
 VIEWS = ("paths", "field", "hitting")
 POSITION = slice(0, 2)
@@ -79,7 +80,7 @@ def _seen_from_above() -> Iterable[str]:
     return [name for name, suite in load_suites().loaded.items() if suite.scene is not None]
 
 
-def draw(kind: str, suite: Suite, view: View, selected: Selection, out: Path, width: float) -> PaperFigure:
+def draw(kind: str, suite: Suite, view: View, selected: Selection, out: Path, width: float, warn: Warn) -> PaperFigure:
     """The picture of a suite.
 
     Args:
@@ -89,6 +90,7 @@ def draw(kind: str, suite: Suite, view: View, selected: Selection, out: Path, wi
         selected: records of the suite.
         out: folder that the policies lie in.
         width: inches.
+        warn: called with what a reader of the picture should know.
 
     Raises:
         UserError: nothing that such a view shows, too many panels, or data or policies that are missing or damaged.
@@ -102,7 +104,7 @@ def draw(kind: str, suite: Suite, view: View, selected: Selection, out: Path, wi
     tasks = _tasks(suite, records, name)
     drawn = replace(selected, records=[each for each in records if each.task in tasks], failures=[])
     table = drawn.table(*knobs(selected.records))
-    found = _Found(kind, suite, tasks, _arranged(drawn), out, view.starts, outcomes_of(selected.records))
+    found = _Found(kind, suite, tasks, _arranged(drawn), out, view.starts, outcomes_of(selected.records), warn)
     return {"paths": _paths, "field": _field, "hitting": _hitting}[name](found, table, width)
 
 
@@ -137,6 +139,7 @@ class _Found:
         out: folder of the policies.
         starts: as they were typed.
         outcomes: all that the selected records know.
+        warn: called with what a reader of the picture should know.
     """
 
     kind: str
@@ -146,6 +149,7 @@ class _Found:
     out: Path
     starts: str | None
     outcomes: set[str]
+    warn: Warn
 
 
 def _arranged(selected: Selection) -> dict[str, dict[str, Record]]:
@@ -177,7 +181,7 @@ def _paths(found: _Found, table: Table, width: float) -> PaperFigure:
         panels.append(Demonstrated(name, "demonstrations", scene, strokes))
         for label, record in records.items():
             episodes, warnings = traces_of(found.out, record, task, starts_of(found.starts, record))
-            warn(warnings)
+            found.warn(warnings)
             panels.append(RolledOut(name, label, scene, episodes))
     return paths(panels, table, width, found.outcomes)
 
@@ -206,7 +210,7 @@ def _hitting(found: _Found, table: Table, width: float) -> PaperFigure:
             starts = starts_of(found.starts or "0", record)
             _check_panels(len(panels) + len(starts))
             episodes, warnings = traces_of(found.out, record, task, starts)
-            warn(warnings)
+            found.warn(warnings)
             for episode in episodes:
                 start = f", start {episode.start}" if len(starts) > 1 else ""
                 panels.append(Hit(name, label + start, scene, episode))
