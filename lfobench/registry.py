@@ -30,6 +30,7 @@ from lfobench.contract.suite import Suite
 from lfobench.errors import UserError, cause, unknown_name
 from lfobench.python_files import forget, load_file
 from lfobench.record import Warning
+from lfobench.shipped import put_first
 from lfobench.source_code import code_of, edited_since, ships
 
 METHODS = "lfobench.methods"
@@ -264,6 +265,7 @@ def _imported(module: str, where: str) -> ModuleType:
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)  # last, so that no folder there hides an installed package
+        put_first()  # so that its folder methods/ is found, too
     try:
         return import_module(module)
     except (Exception, SystemExit) as error:

@@ -26,7 +26,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "nn": {"contract", "randomness"},
     "python_files": {"errors"},
     "source_code": {"shipped", "contract", "errors", "python_files", "text"},
-    "registry": {"contract", "errors", "python_files", "record", "source_code"},
+    "registry": {"shipped", "contract", "errors", "python_files", "record", "source_code"},
     "score": {"errors"},
     "record": {"errors", "score", "text"},
     "cells": {"contract", "errors", "record", "registry", "source_code", "text"},

@@ -53,3 +53,21 @@ def test_both_are_found(before: str, regular: bool, tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_a_method_of_the_current_folder_is_found_after_one_of_ours(tmp_path: Path) -> None:
+    """A console command, like ``python -P``, does not search the current folder for imports before that."""
+    (tmp_path / "methods").mkdir()
+    (tmp_path / "methods" / "__init__.py").touch()
+    source = 'from methods.dilo import Dilo\n\n\nclass Mine(Dilo):\n    """Mine."""\n\n    name = "mine"\n'
+    (tmp_path / "methods" / "mine.py").write_text(source, encoding="utf-8")
+    program = """
+from lfobench.registry import load_method
+dilo, mine = load_method("dilo"), load_method("methods.mine:Mine")
+assert issubclass(mine, dilo)
+"""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-P", "-c", program]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
