@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 DEMO := demo
 REPORT := report.html
 
-.PHONY: setup demo test check bench fuzz report format clean
+.PHONY: setup demo test test-slow docs check bench fuzz report format clean
 
 setup: $(VENV)/.ok  ## Create .venv with the versions tested together.
 
@@ -25,8 +25,14 @@ demo: setup  ## Five methods, three seeds, four robot tasks in a simulator: tabl
 	$(BIN)/lfobench plot airhockey --out $(DEMO) --tasks safe-manipulation-few-trajectories --to $(DEMO)/paths.png --width page
 	$(BIN)/lfobench video bco dynamic-hitting-400-expert-hit --out $(DEMO) --to $(DEMO)/hitting.gif
 
-test: check  ## Lint, types and tests.
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+test: check  ## Lint, types and the fast tests.
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+
+test-slow: setup  ## The other tests: whole runs, killed runs, benchmarks, the documentation.
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow
+
+docs: setup  ## The documentation, links checked, into site/.
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 check: setup  ## Lint and types.
 	$(BIN)/ruff check .
@@ -47,4 +53,4 @@ format: setup
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) $(DEMO) $(REPORT)
+	rm -rf $(VENV) $(DEMO) $(REPORT) site

@@ -1,0 +1,54 @@
+"""The documents: short where they must be, links that lead somewhere, code that runs."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lfobench.contract.method import Shapes
+from lfobench.engine.method_check import require_sound
+from lfobench.registry import load_method
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_readme_is_read_in_one_go() -> None:
+    assert len(README.splitlines()) <= 130
+
+
+@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md"])
+def test_local_links_lead_somewhere(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
+    assert links
+    assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_the_readme_s_method_keeps_every_rule(tmp_path: Path) -> None:
+    (source,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert len(source.splitlines()) <= 40
+    (tmp_path / "mine.py").write_text(source, encoding="utf-8")
+    method = load_method(str(tmp_path / "mine.py"))
+    require_sound(method, method.Config(), Shapes(4, 2))
+
+
+@pytest.mark.slow
+def test_the_site_builds_and_every_link_holds(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocs", reason="the documentation's generator is not installed")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path)]
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "lfobench compare" in (tmp_path / "cli.html").read_text(encoding="utf-8")
+    outside = {
+        link
+        for page in tmp_path.rglob("*.html")
+        for link in re.findall(r'(?:src|rel="stylesheet" href)="(https?://[^"]+)"', page.read_text(encoding="utf-8"))
+    }
+    assert outside == set(), "a page needs no network"
