@@ -151,8 +151,7 @@ def run(
         KeyboardInterrupt: after Ctrl-C, when every run is saved; the same call continues.
     """
     # Imported here because it loads the simulators, and views need none of them.
-    from lfobench.schedule.jobs import forecast, resolve
-    from lfobench.schedule.machine import arranged, within_memory
+    from lfobench.schedule.jobs import arranged, forecast, resolve, within_memory
 
     # True while a worker process imports the script: `multiprocessing` itself goes by it.
     if getattr(multiprocessing.current_process(), "_inheriting", False):

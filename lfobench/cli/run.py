@@ -44,8 +44,7 @@ def run(
     from lfobench.cli.progress import carry_out
     from lfobench.records.folder import ASIDE, read_folder
     from lfobench.schedule.execution import remove_checkpoints_of_the_finished
-    from lfobench.schedule.jobs import forecast, resolve
-    from lfobench.schedule.machine import arranged, within_memory
+    from lfobench.schedule.jobs import arranged, forecast, resolve, within_memory
     from lfobench.text import counted
 
     wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)

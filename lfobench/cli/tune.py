@@ -62,8 +62,7 @@ def tune(
     from lfobench.cli.progress import carry_out
     from lfobench.files import remove_leftovers
     from lfobench.records.tuning import TuningFolder
-    from lfobench.schedule.jobs import forecast, resolve
-    from lfobench.schedule.machine import arranged, within_memory
+    from lfobench.schedule.jobs import arranged, forecast, resolve, within_memory
 
     named = methods if methods is not None else _all_with_grids(suite, tasks, grid or ())
     wanted = request(named, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)

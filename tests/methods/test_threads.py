@@ -14,7 +14,7 @@ from lfobench.engine.program import Program
 from lfobench.engine.state import live_tensors
 from lfobench.randomness import Randomness
 from lfobench.registry import load_method
-from lfobench.schedule.machine import MOST_THREADS
+from lfobench.schedule.jobs import MOST_THREADS
 
 STEPS = 3
 HOPPER = Shapes(11, 3)

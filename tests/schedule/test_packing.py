@@ -18,8 +18,7 @@ from lfobench.engine.memory import Footprint, Memory
 from lfobench.engine.probe import Estimate, Prober
 from lfobench.errors import UserError
 from lfobench.records.folder import RecordsRead
-from lfobench.schedule.jobs import Schedule, forecast, make_schedule
-from lfobench.schedule.machine import LANES, PROCESS_BYTES, packed
+from lfobench.schedule.jobs import LANES, PROCESS_BYTES, Schedule, forecast, make_schedule, packed
 
 GB = 2**30
 
