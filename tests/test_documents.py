@@ -46,6 +46,8 @@ def test_the_site_builds_and_every_link_holds(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "lfobench compare" in (tmp_path / "cli.html").read_text(encoding="utf-8")
+    for page, shown in (("data.html", "own_file"), ("write_a_suite.html", "Balancing")):
+        assert f">{shown}</span>" in (tmp_path / page).read_text(encoding="utf-8"), "the example of the page is there"
     outside = {
         link
         for page in tmp_path.rglob("*.html")
