@@ -1,8 +1,13 @@
-"""BC on the full offline data, as SMODICE's authors run it.
+"""BC: behavioural cloning of the full offline data O, as SMODICE's authors run it.
 
-What ships as "BC" is an entropy-constrained likelihood (``released``); ``paper`` is the plain likelihood with the
-seed paper's batch of 1024. ``--set bc.loss=squared`` clones with DILO's deterministic policy and squared error,
-for a like-for-like comparison with DILO and BCO.
+    entropy-constrained:  L_pi = -E_O[log pi(a|s)] + exp(l) E_O[log pi(a~|s)],  a~ sampled from pi(.|s)
+    likelihood:           L_pi = -E_O[log pi(a|s)]
+    squared:              L_pi = E_O[||a - pi(s)||^2]
+
+The first is ``released``: what is published as BC holds the entropy near -dim(a) by a trained log-temperature l, as
+Soft Actor-Critic does. The second is ``paper``, with the batch of 1024 that DILO's paper states for every method. Both
+have a squashed Gaussian policy (`TanhGaussianPolicy`). The third, ``--set bc.loss=squared``, clones with DILO's
+deterministic policy, for a like-for-like comparison with DILO and BCO.
 """
 
 from __future__ import annotations
@@ -20,17 +25,15 @@ from lfobench.contract.method import (
     MethodConfig,
     Metrics,
     Shapes,
-    Sizes,
-    Stage,
     Widths,
 )
 from lfobench.nn.policies import DeterministicPolicy, TanhGaussianPolicy
 from lfobench.randomness import StepRandomness
+from methods import DEMO, SMOKE
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-# 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3}
 
 
@@ -60,8 +63,8 @@ class Bc(Method):
     }
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "quick": QUICK,
-        "demo": {**QUICK, "batch_size": 128, "hidden": (128, 128)},
-        "smoke": {"batch_size": 32, "hidden": (32, 32)},
+        "demo": {**QUICK, **DEMO},
+        "smoke": SMOKE,
     }
 
     @classmethod
@@ -83,10 +86,6 @@ class Bc(Method):
                 entropy_constraint=config.loss == "entropy-constrained",
             )
 
-    def stages(self, sizes: Sizes) -> Sequence[Stage]:
-        """One stage on offline rows."""
-        return (Stage("policy", None, offline_batch=self.config.batch_size, expert_batch=0),)
-
     def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
         """One cloning step on the offline rows."""
         return self.clone(offline, randomness)
@@ -94,10 +93,9 @@ class Bc(Method):
     def clone(self, batch: Batch, randomness: StepRandomness) -> Metrics:
         """One step of the policy on the rows of `batch`."""
         if isinstance(self.policy, DeterministicPolicy):
-            return {"policy_loss": self.policy.regress(batch["observation"], batch["action"])}
-        return self.policy.regress(batch["observation"], batch["action"], None, randomness)
+            return self.policy.regress(batch["observation"], batch["action"])
+        return self.policy.regress(batch["observation"], batch["action"], randomness)
 
     def act(self, observation: Tensor) -> Tensor:
-        """Mean actions."""
-        with torch.no_grad():
-            return self.policy.act(observation)
+        """``pi(s)``, or ``tanh`` of its mean."""
+        return self.policy.act(observation)

@@ -1,9 +1,13 @@
-"""BCO: behavioural cloning from observation (Torabi, Warnell, Stone, IJCAI 2018), offline.
+"""BCO: behavioural cloning from observation (Torabi, Warnell and Stone, IJCAI 2018), without interaction.
 
-An inverse dynamics model learns ``(s, s') -> a`` from offline data, labels the expert's pairs, and the labelled
-pairs are cloned. No code of the seed paper's line releases it; sizes and rates are choices of ours, so
-both presets are the same. Where 3.8 picks the epochs {1, 5, 10} by validation error, they are fixed here at 5.
-Offline pairs use the true successor of every step, and the demonstration is the first expert episode (``exact``).
+An inverse dynamics model h learns actions from offline data O and labels the expert's pairs E for a policy to clone:
+
+    L_h = E_O[||h(s, s') - a||^2]                                     first stage
+    L_pi = E_E[||pi(s) - h(s, s')||^2]                                second stage, h frozen
+
+h and pi are deterministic networks with a tanh at the end, where the paper maximises likelihoods. No code of DILO's or
+SMODICE's authors runs BCO; sizes, rates and the number of epochs are choices of this project, so both presets are the
+same. Offline pairs use the true successor of every step, and the demonstration is the first expert episode (``exact``).
 """
 
 from __future__ import annotations
@@ -28,14 +32,13 @@ from lfobench.contract.method import (
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import DeterministicPolicy, squared_error
 from lfobench.randomness import StepRandomness
+from methods import DEMO, SMOKE
 
 if TYPE_CHECKING:
     from torch import Tensor
 
 INVERSE_DYNAMICS = "inverse dynamics"
 
-
-# 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {
     "batch_size": 256,
     "inverse_dynamics_epochs": 2,
@@ -67,8 +70,8 @@ class Bco(Method):
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {"released": {}, "paper": {}}
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "quick": QUICK,
-        "demo": {**QUICK, "batch_size": 128, "hidden": (128, 128)},
-        "smoke": {"batch_size": 32, "hidden": (32, 32), "inverse_dynamics_epochs": 1},
+        "demo": {**QUICK, **DEMO},
+        "smoke": {**SMOKE, "inverse_dynamics_epochs": 1},
     }
 
     @classmethod
@@ -90,22 +93,13 @@ class Bco(Method):
         )
 
     def stages(self, sizes: Sizes) -> Sequence[Stage]:
-        """`inverse_dynamics_epochs` times as many draws as there are offline pairs, then cloning."""
+        """Inverse dynamics, `inverse_dynamics_epochs` times as many draws as there are offline pairs; then cloning."""
         batch = self.config.inverse_dynamics_batch_size or self.config.batch_size
         steps = self.config.inverse_dynamics_epochs * -(-sizes.offline // batch)
         return (
             Stage(INVERSE_DYNAMICS, steps, offline_batch=batch, expert_batch=0),
             Stage("policy", None, offline_batch=0, expert_batch=self.config.batch_size),
         )
-
-    def infer_action(self, batch: Batch) -> Tensor:
-        """``h(s, s') = tanh(MLP(s, s'))``, ``[S, B, act]``."""
-        pair = torch.cat((batch["observation"], batch["next_observation"]), dim=-1)
-        return torch.tanh(self.inverse_dynamics(pair))
-
-    def inverse_dynamics_loss(self, offline: Batch) -> Tensor:
-        """``mean ||h(s, s') - a||^2``, ``[S]``."""
-        return squared_error(offline["action"], self.infer_action(offline)).mean(-1)
 
     def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
         """A step of the inverse dynamics model, or of the policy on expert pairs that it labels."""
@@ -115,9 +109,17 @@ class Bco(Method):
             return {"inverse_dynamics_loss": loss.detach()}
         with torch.no_grad():
             label = self.infer_action(expert)
-        return {"policy_loss": self.policy.regress(expert["observation"], label)}
+        return self.policy.regress(expert["observation"], label)
+
+    def infer_action(self, batch: Batch) -> Tensor:
+        """``h(s, s') = tanh(MLP(s, s'))``, ``[S, B, act]``."""
+        pair = torch.cat((batch["observation"], batch["next_observation"]), dim=-1)
+        return torch.tanh(self.inverse_dynamics(pair))
+
+    def inverse_dynamics_loss(self, offline: Batch) -> Tensor:
+        """``L_h = E_O[||h(s, s') - a||^2]``, ``[S]``."""
+        return squared_error(offline["action"], self.infer_action(offline)).mean(-1)
 
     def act(self, observation: Tensor) -> Tensor:
-        """Deterministic actions."""
-        with torch.no_grad():
-            return self.policy.act(observation)
+        """``pi(s)``."""
+        return self.policy.act(observation)

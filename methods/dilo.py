@@ -13,12 +13,17 @@ while staying on the offline data; the policy is then a regression on the offlin
     paper:     L = beta (1 - gamma) E_O[V(s, s')] + D(e) + eta D(b)
     released:  L = (1 - lambda) E_O[V(s, s')] + lambda D(e) + eta lambda D(b)
 
-The gradient of the last term loses its part along the gradient of the one before it. The policy then minimises
+With ``g_0, g_f, g_b`` the gradients of the terms of L, V follows the orthogonal gradient of ODICE (Mao et al. 2024):
 
-    E_O[ min(exp(tau V(s, s')), limit) * regression loss of pi(s) on a ]
+    g = g_0 + g_f + g_b - kappa g_f,  kappa = <g_f, g_b> / <g_f, g_f>
 
-``tau`` is the paper's temperature: it multiplies V, so a larger one sharpens the weights. Papers of this field also
-write tau for the rate of a target network; that rate is ``target_rate`` here.
+The policy then minimises, over offline data,
+
+    E_O[ w ||a - pi(s)||^2 ]  or  -E_O[ w log pi(a|s) ],  w = min(exp(tau V(s, s')), limit)
+
+Symbols and fields of the configuration: beta is ``mixture``, lambda ``conservatism``, eta ``backward_weight``, gamma
+``discount``. ``tau`` is the paper's temperature: it multiplies V, so a larger one sharpens the weights. Papers of this
+field also write tau for the rate of a target network; that rate is ``target_rate`` here.
 
 Paper against released code, chosen by preset:
 
@@ -32,7 +37,9 @@ policy             Gaussian log-likelihood, lr 3e-4   squared error of a determi
                                                       lr 1e-4, cosine over 1e6 steps
 =================  =================================  ==========================================
 
-Twins, minimum over target twins, EMA 0.005 and the orthogonal projection are the code's; the paper is silent.
+V is a pair of twins: Vbar is the minimum over the target twins (EMA 0.005), w takes the minimum over the online ones,
+and losses are means over both. All this is the code's; the paper states none of it and cites ODICE for the projection.
+
 Terminal steps never reach the released loss: under ``teleport`` the successor of a terminal step is the first
 observation of the next episode. ``absorbing`` is the sound alternative.
 """
@@ -52,21 +59,19 @@ from lfobench.contract.method import (
     MethodConfig,
     Metrics,
     Shapes,
-    Sizes,
-    Stage,
     Termination,
     Widths,
 )
-from lfobench.contract.method import Field as BatchField
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import DeterministicPolicy, GaussianPolicy
 from lfobench.randomness import StepRandomness
+from methods import DEMO, SMOKE
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-# 12k steps of batch 256, what a CPU has time for. With gamma = 0.99 the fixed point of V on expert pairs lies near 200,
-# which the released rates do not reach in them; results/reference holds what these rates reach.
+# With gamma = 0.99 the fixed point of V on expert pairs lies near 200, which the released rates do not reach in 12k
+# steps; results/reference holds what these rates reach.
 QUICK = {
     "batch_size": 256,
     "value_learning_rate": 2e-3,
@@ -107,15 +112,23 @@ class DiloConfig(MethodConfig):
 
 
 def conjugate(y: Tensor) -> Tensor:
-    """``phi(y) = y w - (w - 1)^2``, ``w = max(0, y/2 + 1)``: conjugate of Pearson chi^2 under w >= 0 (DILO, eq. 11)."""
-    weight = torch.clamp(y / 2.0 + 1.0, min=0.0)
-    return y * weight - (weight - 1.0).square()
+    """``phi(y) = y w - (w - 1)^2``, ``w = max(0, y/2 + 1)``: conjugate of Pearson chi^2 under ``w >= 0``."""
+    w = torch.clamp(y / 2.0 + 1.0, min=0.0)
+    return y * w - (w - 1.0).square()
 
 
 class Residuals(NamedTuple):
-    """``V(s, s')`` and the residuals of a batch, ``[S, H, B]`` each."""
+    """``V(s, s')``, ``e`` and ``b`` of a batch, ``[S, H, B]`` each: seeds, twins, rows."""
 
     value: Tensor
+    forward: Tensor
+    backward: Tensor
+
+
+class ValueLosses(NamedTuple):
+    """The three terms of L, ``[S]`` each."""
+
+    linear: Tensor
     forward: Tensor
     backward: Tensor
 
@@ -139,8 +152,8 @@ class Dilo(Method):
     }
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "quick": QUICK,
-        "demo": {**QUICK, "batch_size": 128, "hidden": (128, 128)},
-        "smoke": {"batch_size": 32, "hidden": (32, 32)},
+        "demo": {**QUICK, **DEMO},
+        "smoke": SMOKE,
     }
 
     @classmethod
@@ -168,11 +181,6 @@ class Dilo(Method):
             cosine_steps=config.policy_cosine_steps,
         )
 
-    def stages(self, sizes: Sizes) -> Sequence[Stage]:
-        """One stage; offline row i is paired with expert row i, so both batches have one size."""
-        batch = self.config.batch_size
-        return (Stage("policy", None, offline_batch=batch, expert_batch=batch),)
-
     def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
         """Value step, policy step on the new value, target update: the released order."""
         metrics = self.update_value(offline, expert)
@@ -181,85 +189,85 @@ class Dilo(Method):
         return metrics
 
     def update_value(self, offline: Batch, expert: Batch) -> Metrics:
-        """Adam step on the three terms of the objective."""
-        # One pass over both batches: its gradient is then one product, and a step three graphs.
-        successors = torch.cat(
-            [_pair(each, "next_observation", "second_next_observation") for each in (offline, expert)], 1
-        )
+        """One step of V along the orthogonal gradient."""
+        # The batches share the pass through V(s', s''): two passes would round the sum of their gradients differently.
+        successors = torch.cat((next_pair(offline), next_pair(expert)), dim=1)
         next_offline, next_expert = self.value(successors).squeeze(-1).chunk(2, dim=-1)
-        of_offline, of_expert = self.residuals(offline, next_offline), self.residuals(expert, next_expert)
-        linear_loss = self.linear_loss(of_offline.value)
-        forward_loss = self.dual_loss(of_offline.forward, of_expert.forward)
-        backward_loss = self.config.backward_weight * self.dual_loss(of_offline.backward, of_expert.backward)
+        on_offline, on_expert = self.residuals(offline, next_offline), self.residuals(expert, next_expert)
+        losses = self.value_losses(on_offline, on_expert)
         gradient = self.orthogonal_sum(
-            self.value.gradient(linear_loss, retain_graph=True),
-            self.value.gradient(forward_loss),
-            self.value.gradient(backward_loss),
+            self.value.gradient(losses.linear, retain_graph=True),
+            self.value.gradient(losses.forward),
+            self.value.gradient(losses.backward),
         )
         self.value_optimizer.step(gradient)
         return {
-            "value_offline": of_offline.value.detach().mean((1, 2)),
-            "value_expert": of_expert.value.detach().mean((1, 2)),
-            "forward_loss": forward_loss.detach(),
-            "backward_loss": backward_loss.detach(),
+            "value_offline": on_offline.value.detach().mean((1, 2)),
+            "value_expert": on_expert.value.detach().mean((1, 2)),
+            "forward_loss": losses.forward.detach(),
+            "backward_loss": losses.backward.detach(),
         }
 
     def residuals(self, batch: Batch, next_value: Tensor) -> Residuals:
-        """Values ``V(s, s')`` and both residuals of a batch, given ``V(s', s'')``; ``[S, H, B]`` each."""
-        value = self.value(_pair(batch, "observation", "next_observation")).squeeze(-1)
-        target = self.target_value(batch, "observation", "next_observation")
-        next_target = self.target_value(batch, "next_observation", "second_next_observation")
+        """``e = gamma (1 - d) Vbar(s', s'') - V(s, s')`` and ``b = gamma (1 - d) V(s', s'') - Vbar(s, s')``."""
+        value = self.value(pair(batch)).squeeze(-1)
+        target, next_target = self.target_value(pair(batch)), self.target_value(next_pair(batch))
         discount = (self.config.discount * (1.0 - batch["terminated"]))[:, None]
         return Residuals(value, forward=discount * next_target - value, backward=discount * next_value - target)
 
-    def target_value(self, batch: Batch, first: BatchField, second: BatchField) -> Tensor:
-        """Minimum over the target twins, ``[S, 1, B]``; no gradient."""
+    def target_value(self, pairs: Tensor) -> Tensor:
+        """``Vbar``, the minimum over the target twins, ``[S, 1, B]``; no gradient."""
         with torch.no_grad():
-            return self.target(_pair(batch, first, second)).squeeze(-1).amin(1, keepdim=True)
+            return self.target(pairs).squeeze(-1).amin(1, keepdim=True)
+
+    def value_losses(self, offline: Residuals, expert: Residuals) -> ValueLosses:
+        """The terms of L: ``paper`` where ``conservatism`` is None, ``released`` otherwise."""
+        beta, eta, gamma = self.config.mixture, self.config.backward_weight, self.config.discount
+        lambda_ = self.config.conservatism
+        linear = beta * (1.0 - gamma) if lambda_ is None else 1.0 - lambda_
+        return ValueLosses(
+            linear * offline.value.mean((1, 2)),
+            self.dual_loss(offline.forward, expert.forward),
+            eta * self.dual_loss(offline.backward, expert.backward),
+        )
 
     def dual_loss(self, offline: Tensor, expert: Tensor) -> Tensor:
-        """``lambda (beta E_E[phi(e)] + (1 - beta) E_O[phi(e) - e])`` over rows and heads, ``[S]``; no lambda if None.
+        """``D = beta E_E[phi(y)] + (1 - beta) E_O[phi(y) - y]`` of residuals y, ``[S]``; times lambda as released.
 
-        DILO, eq. 12, for either residual ``[S, H, B]``.
+        Offline row i is added to expert row i, so both batches have one size.
         """
         beta, lambda_ = self.config.mixture, self.config.conservatism
         loss = (beta * conjugate(expert) + (1.0 - beta) * (conjugate(offline) - offline)).mean((1, 2))
         return loss if lambda_ is None else lambda_ * loss
 
-    def linear_loss(self, value: Tensor) -> Tensor:
-        """``(1 - lambda) E_O[V]`` as released, or the paper's ``beta (1 - gamma) E_O[V]`` without lambda; ``[S]``."""
-        beta, gamma, lambda_ = self.config.mixture, self.config.discount, self.config.conservatism
-        if lambda_ is None:
-            return beta * (1.0 - gamma) * value.mean((1, 2))
-        return (1.0 - lambda_) * value.mean((1, 2))
-
     def orthogonal_sum(self, linear: Tensor, forward: Tensor, backward: Tensor) -> Tensor:
-        """``g_0 + g_f + g_b - kappa g_f``: the backward gradient loses its part along the forward one.
-
-        ``kappa = <g_f, g_b> / max(<g_f, g_f>, 1e-10)`` with both twins as one vector (ODICE's projection).
-        """
+        """``g_0 + g_f + g_b - kappa g_f``, ``kappa = <g_f, g_b> / max(<g_f, g_f>, 1e-10)``, of both twins."""
         overlap = self.value.inner_product(forward, backward)
         kappa = overlap / self.value.inner_product(forward, forward).clamp(min=1e-10)
         return linear + forward + backward - kappa.repeat_interleave(self.value.heads)[:, None] * forward
 
+    def update_policy(self, offline: Batch) -> Metrics:
+        """One step of the weighted regression."""
+        weight = self.policy_weights(offline)
+        metrics = self.policy.regress(offline["observation"], offline["action"], weight)
+        return metrics | {"policy_weight": weight.mean(-1)}
+
     def policy_weights(self, offline: Batch) -> Tensor:
-        """``min(exp(tau min_k V_k(s, s')), limit)`` with the updated online twins, ``[S, B]``; no gradient."""
+        """``w = min(exp(tau V(s, s')), limit)``, V the minimum over the updated twins, ``[S, B]``; no gradient."""
         with torch.no_grad():
-            value = self.value(_pair(offline, "observation", "next_observation")).squeeze(-1).amin(1)
+            value = self.value(pair(offline)).squeeze(-1).amin(1)
             return torch.exp(self.config.tau * value).clamp(max=self.config.weight_limit)
 
-    def update_policy(self, offline: Batch) -> Metrics:
-        """Weighted regression on the offline actions."""
-        weight = self.policy_weights(offline)
-        loss = self.policy.regress(offline["observation"], offline["action"], weight)
-        return {"policy_loss": loss, "policy_weight": weight.mean(-1)}
-
     def act(self, observation: Tensor) -> Tensor:
-        """Deterministic actions."""
-        with torch.no_grad():
-            return self.policy.act(observation)
+        """``pi(s)``, or its mean."""
+        return self.policy.act(observation)
 
 
-def _pair(batch: Batch, first: BatchField, second: BatchField) -> Tensor:
-    """``[S, B, 2 obs]``, the input of V."""
-    return torch.cat((batch[first], batch[second]), dim=-1)
+def pair(batch: Batch) -> Tensor:
+    """``(s, s')``, ``[S, B, 2 obs]``."""
+    return torch.cat((batch["observation"], batch["next_observation"]), dim=-1)
+
+
+def next_pair(batch: Batch) -> Tensor:
+    """``(s', s'')``, ``[S, B, 2 obs]``."""
+    return torch.cat((batch["next_observation"], batch["second_next_observation"]), dim=-1)

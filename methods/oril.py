@@ -1,8 +1,19 @@
-"""ORIL as SMODICE's authors run it: a discriminator reward and TD3+BC.
+"""ORIL as SMODICE's authors run it: a discriminator's reward, then TD3+BC (Fujimoto and Gu, NeurIPS 2021).
 
-The original ORIL learns its reward by positive-unlabelled classification; every published number of the seed
-paper's line comes from this simpler form. The presets differ as SMODICE's do: the discriminator's frozen first
-layer and the batch size.
+With offline data O, d = 1 where s' is terminal, twins Q_k, and bars for target networks:
+
+    R(s) = log sigma(D(s)) - log(1 - sigma(D(s)))                     D trained first (lfobench.nn.discriminator)
+    a' = clip(pibar(s') + clip(noise, -limit, limit), -1, 1)          target policy smoothing (TD3)
+    y = R(s) + gamma (1 - d) min_k Qbar_k(s', a')
+
+    L_Q = sum_k E_O[(Q_k(s, a) - y)^2]
+    L_pi = -lambda E_O[Q_1(s, pi(s))] + E_O[(pi(s) - a)^2],           lambda = alpha / E_O|Q_1(s, pi(s))|
+
+pi and the targets move at every second step of Q (``policy_delay``); lambda gets no gradient.
+
+The original ORIL (Zolna et al. 2020) learns its reward by positive-unlabelled classification and the policy by CRR; the
+numbers that SMODICE and DILO publish as ORIL's come from this simpler form. The presets differ as SMODICE's do: the
+discriminator's frozen first layer and the batch size.
 """
 
 from __future__ import annotations
@@ -23,15 +34,14 @@ from lfobench.contract.method import (
     Stage,
     Widths,
 )
-from lfobench.nn import discriminator
 from lfobench.nn.discriminator import Discriminator, DiscriminatorConfig
 from lfobench.nn.networks import Adam, Network
 from lfobench.randomness import StepRandomness
+from methods import DEMO, SMOKE
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-# 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3, "target_rate": 0.02, "discriminator_passes": 250}
 
 
@@ -63,13 +73,8 @@ class Oril(Method):
     }
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "quick": QUICK,
-        "demo": {**QUICK, "batch_size": 128, "hidden": (128, 128), "discriminator_passes": 100},
-        "smoke": {
-            "batch_size": 32,
-            "hidden": (32, 32),
-            "discriminator_passes": 2,
-            "discriminator_batch": 128,
-        },
+        "demo": {**QUICK, **DEMO, "discriminator_passes": 100},
+        "smoke": {**SMOKE, "discriminator_passes": 2, "discriminator_batch": 128},
     }
 
     @classmethod
@@ -100,7 +105,7 @@ class Oril(Method):
 
     def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
         """A discriminator step, or a critic step and, every `policy_delay` steps, an actor step."""
-        if stage == discriminator.STAGE:
+        if stage == self.discriminator.STAGE:
             return self.discriminator.update(expert["observation"], offline["observation"], randomness)
         metrics = self.update_critic(offline, randomness)
         if randomness.phase == self.config.policy_delay - 1:
@@ -109,22 +114,6 @@ class Oril(Method):
             self.critic_target.follow(self.critic, self.config.target_rate)
         return metrics
 
-    def critic_target_value(self, offline: Batch, noise: Tensor) -> Tensor:
-        """``y = R(s) + (1 - d) gamma min_k Q'_k(s', clip(pi'(s') + clip(noise)))``, ``[S, B]``."""
-        config = self.config
-        smoothing = (config.smoothing_noise * noise).clamp(-config.smoothing_limit, config.smoothing_limit)
-        with torch.no_grad():
-            next_observation = offline["next_observation"]
-            next_action = (torch.tanh(self.actor_target(next_observation)) + smoothing).clamp(-1.0, 1.0)
-            next_value = self.critic_target(torch.cat((next_observation, next_action), dim=-1)).squeeze(-1).amin(1)
-            bootstrap = (1.0 - offline["terminated"]) * config.discount * next_value
-        return self.discriminator.reward(offline["observation"]) + bootstrap
-
-    def critic_loss(self, offline: Batch, target: Tensor) -> Tensor:
-        """``sum_k mean (Q_k(s, a) - y)^2``, ``[S]``."""
-        value = self.critic(torch.cat((offline["observation"], offline["action"]), dim=-1)).squeeze(-1)
-        return (value - target[:, None]).square().mean(-1).sum(-1)
-
     def update_critic(self, offline: Batch, randomness: StepRandomness) -> Metrics:
         """One step of both critics."""
         target = self.critic_target_value(offline, randomness.normal("smoothing", *offline["action"].shape[1:]))
@@ -132,21 +121,33 @@ class Oril(Method):
         self.critic_optimizer.step(self.critic.gradient(loss))
         return {"critic_loss": loss.detach(), "target_value": target.mean(-1)}
 
-    def actor_loss(self, offline: Batch) -> Tensor:
-        """``-lam mean Q_1(s, pi(s)) + mean (pi(s) - a)^2``, ``lam = alpha / mean |Q_1|``; ``[S]``.
+    def critic_target_value(self, offline: Batch, noise: Tensor) -> Tensor:
+        """``y = R(s) + gamma (1 - d) min_k Qbar_k(s', a')``, a' smoothed by standard normal `noise`; ``[S, B]``."""
+        limit = self.config.smoothing_limit
+        smoothing = (self.config.smoothing_noise * noise).clamp(-limit, limit)
+        with torch.no_grad():
+            next_observation = offline["next_observation"]
+            next_action = (torch.tanh(self.actor_target(next_observation)) + smoothing).clamp(-1.0, 1.0)
+            next_value = self.critic_target(torch.cat((next_observation, next_action), dim=-1)).squeeze(-1).amin(1)
+            bootstrap = (1.0 - offline["terminated"]) * self.config.discount * next_value
+        return self.discriminator.reward(offline["observation"]) + bootstrap
 
-        The second mean runs over rows and action dimensions alike.
-        """
-        action = torch.tanh(self.actor(offline["observation"]))
-        value = self.critic.head(0)(torch.cat((offline["observation"], action), dim=-1)).squeeze(-1)
-        scale = self.config.value_weight / value.detach().abs().mean(-1)
-        return -scale * value.mean(-1) + (action - offline["action"]).square().mean((1, 2))
+    def critic_loss(self, offline: Batch, target: Tensor) -> Tensor:
+        """``L_Q = sum_k E_O[(Q_k(s, a) - y)^2]``, ``[S]``."""
+        value = self.critic(torch.cat((offline["observation"], offline["action"]), dim=-1)).squeeze(-1)
+        return (value - target[:, None]).square().mean(-1).sum(-1)
 
     def update_actor(self, offline: Batch) -> None:
         """One step of the actor."""
         self.actor_optimizer.step(self.actor.gradient(self.actor_loss(offline)))
 
+    def actor_loss(self, offline: Batch) -> Tensor:
+        """``L_pi = -lambda E_O[Q_1(s, pi(s))] + E_O[(pi(s) - a)^2]``, the latter over dimensions, too; ``[S]``."""
+        action = torch.tanh(self.actor(offline["observation"]))
+        value = self.critic.head(0)(torch.cat((offline["observation"], action), dim=-1)).squeeze(-1)
+        lambda_ = self.config.value_weight / value.detach().abs().mean(-1)
+        return -lambda_ * value.mean(-1) + (action - offline["action"]).square().mean((1, 2))
+
     def act(self, observation: Tensor) -> Tensor:
-        """Deterministic actions."""
-        with torch.no_grad():
-            return torch.tanh(self.actor(observation))
+        """``pi(s)``."""
+        return torch.tanh(self.actor(observation))

@@ -1,16 +1,27 @@
-"""SMODICE: versatile offline imitation from observations via state-occupancy matching (ICML 2022).
+"""SMODICE: versatile offline imitation from observations by regularized state-occupancy matching (Ma et al. 2022).
 
-A discriminator of states gives the reward; a value V(s) solves the dual of matching the expert's state
-occupancy; the policy is weighted likelihood on offline actions.
+A discriminator of states gives the reward, a value ``V(s)`` solves the dual of matching the expert's state occupancy
+while staying on the offline data O, and the policy is weighted likelihood on the offline actions. With d = 1 where s'
+is terminal and s_0 the starts of episodes:
 
-Paper against released code, chosen by preset: the released optimiser of the discriminator
-leaves its first layer at the random initial values (kept in ``released``, mended in ``paper``), and the batch is
-512 where the seed paper states 1024 for every method.
+    R(s) = log sigma(D(s)) - log(1 - sigma(D(s)))                     D trained first (lfobench.nn.discriminator)
+    e = R(s) + gamma (1 - d) V(s') - V(s)                             residual, full gradient through both values
 
-Kept as released in both presets: the KL weights are ``exp(e)``, not normalised; the chi^2 conjugate is the
-untruncated one although its weight is truncated; absorbing rows are negatives of the discriminator and never drawn
-in the main stage, where ``1 - d`` masks a terminal row's successor anyway; the discriminator's offline rows are
-drawn with replacement, the authors' from a shuffled pass, which a million rows do not notice.
+    KL:     L_V = (1 - gamma) E[V(s_0)] + log E_O[exp(e)],            w = exp(e)
+    chi^2:  L_V = (1 - gamma) E[V(s_0)] + E_O[e^2 / 2 + e],           w = max(0, e + 1)
+
+    L_pi = -E_O[w log pi(a|s)]                                        plus an entropy constraint, as released
+
+V and pi are trained together, w from the value before its step.
+
+Paper against released code, chosen by preset: the released optimiser of the discriminator leaves its first layer at the
+random initial values (kept in ``released``, fixed in ``paper``), and the batch is 512 where DILO's paper states 1024
+for every method.
+
+Kept as released in both presets: the KL weights are not normalised; the chi^2 conjugate is the untruncated one although
+its weight is truncated; absorbing rows are negatives of the discriminator and never drawn in the main stage, where
+``1 - d`` masks a terminal row's successor anyway; the discriminator's offline rows are drawn with replacement, the
+authors' from a shuffled pass, which makes no difference with a million rows.
 """
 
 from __future__ import annotations
@@ -32,16 +43,15 @@ from lfobench.contract.method import (
     Stage,
     Widths,
 )
-from lfobench.nn import discriminator
 from lfobench.nn.discriminator import Discriminator, DiscriminatorConfig
 from lfobench.nn.networks import Adam, Network
 from lfobench.nn.policies import TanhGaussianPolicy
 from lfobench.randomness import StepRandomness
+from methods import DEMO, SMOKE
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-# 12k steps of batch 256, what a CPU has time for, with rates raised as DILO's are. No claim that they suffice.
 QUICK = {"batch_size": 256, "learning_rate": 1e-3, "discriminator_passes": 250}
 
 
@@ -71,13 +81,8 @@ class Smodice(Method):
     }
     budgets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "quick": QUICK,
-        "demo": {**QUICK, "batch_size": 128, "hidden": (128, 128), "discriminator_passes": 100},
-        "smoke": {
-            "batch_size": 32,
-            "hidden": (32, 32),
-            "discriminator_passes": 2,
-            "discriminator_batch": 128,
-        },
+        "demo": {**QUICK, **DEMO, "discriminator_passes": 100},
+        "smoke": {**SMOKE, "discriminator_passes": 2, "discriminator_batch": 128},
     }
 
     @classmethod
@@ -112,43 +117,39 @@ class Smodice(Method):
 
     def update(self, stage: str, offline: Batch, expert: Batch, randomness: StepRandomness) -> Metrics:
         """A discriminator step, or a value step and a policy step weighted by the value before it."""
-        if stage == discriminator.STAGE:
+        if stage == self.discriminator.STAGE:
             return self.discriminator.update(expert["observation"], offline["observation"], randomness)
-        metrics, weight = self.update_value(offline)
-        return metrics | self.policy.regress(offline["observation"], offline["action"], weight, randomness)
-
-    def update_value(self, offline: Batch) -> tuple[Metrics, Tensor]:
-        """One step on L_V; returns metrics and the policy weights, both from the value before the step."""
         residual = self.residual(offline)
-        initial = self.value(offline["initial_observation"]).squeeze(-1)
-        loss = self.value_loss(residual, initial)
+        metrics = self.update_value(residual, offline)
         weight = self.policy_weights(residual.detach())
-        self.value_optimizer.step(self.value.gradient(loss))
-        metrics = {"value_loss": loss.detach(), "value_initial": initial.detach().mean(-1)}
-        return metrics | {"policy_weight": weight.mean(-1)}, weight
+        metrics |= {"policy_weight": weight.mean(-1)}
+        return metrics | self.policy.regress(offline["observation"], offline["action"], randomness, weight)
 
     def residual(self, offline: Batch) -> Tensor:
-        """``e = R(s) + (1 - d) gamma V(s') - V(s)``, ``[S, B]``; full gradient through both values."""
+        """``e = R(s) + gamma (1 - d) V(s') - V(s)``, ``[S, B]``."""
         value = self.value(offline["observation"]).squeeze(-1)
-        value_next = self.value(offline["next_observation"]).squeeze(-1)
+        next_value = self.value(offline["next_observation"]).squeeze(-1)
         reward = self.discriminator.reward(offline["observation"])
-        return reward + (1.0 - offline["terminated"]) * self.config.discount * value_next - value
+        return reward + (1.0 - offline["terminated"]) * self.config.discount * next_value - value
+
+    def update_value(self, residual: Tensor, offline: Batch) -> Metrics:
+        """One step on ``L_V``."""
+        initial = self.value(offline["initial_observation"]).squeeze(-1)
+        loss = self.value_loss(residual, initial)
+        self.value_optimizer.step(self.value.gradient(loss))
+        return {"value_loss": loss.detach(), "value_initial": initial.detach().mean(-1)}
 
     def value_loss(self, residual: Tensor, initial: Tensor) -> Tensor:
-        """``(1 - gamma) mean V(s_0)`` plus ``log mean exp(e)`` (KL) or ``mean(e^2/2 + e)`` (chi^2); ``[S]``.
-
-        The chi^2 conjugate is the untruncated one although its weight below is truncated, as released.
-        """
+        """``L_V = (1 - gamma) E[V(s_0)] + log E_O[exp(e)]`` (KL) or ``+ E_O[e^2/2 + e]`` (chi^2), ``[S]``."""
         linear = (1.0 - self.config.discount) * initial.mean(-1)
         if self.config.divergence == "kl":
             return linear + torch.logsumexp(residual, dim=-1) - math.log(residual.shape[-1])
         return linear + (residual.square() / 2.0 + residual).mean(-1)
 
     def policy_weights(self, residual: Tensor) -> Tensor:
-        """``exp(e)`` (KL) or ``max(0, e + 1)`` (chi^2), neither normalised nor clipped, as released."""
+        """``w = exp(e)`` (KL) or ``max(0, e + 1)`` (chi^2), neither normalised nor clipped, ``[S, B]``."""
         return torch.exp(residual) if self.config.divergence == "kl" else torch.clamp(residual + 1.0, min=0.0)
 
     def act(self, observation: Tensor) -> Tensor:
-        """Mean actions."""
-        with torch.no_grad():
-            return self.policy.act(observation)
+        """``tanh`` of the policy's mean."""
+        return self.policy.act(observation)

@@ -1,4 +1,10 @@
-"""State discriminator that SMODICE and ORIL take their reward from."""
+"""State discriminator, whose logit is a reward.
+
+    L_D = BCE(D(s_E), 1) + BCE(D(s_O), 0) + c mean (||grad_x D(x)|| - 1)^2          x = u s_E + (1 - u) s_O, u ~ U(0, 1)
+    R(s) = log sigma(D(s)) - log(1 - sigma(D(s))) = D(s)
+
+with expert states s_E, offline states s_O and the gradient penalty of Gulrajani et al. (2017).
+"""
 
 from __future__ import annotations
 
@@ -15,11 +21,9 @@ from lfobench.randomness import StepRandomness
 if TYPE_CHECKING:
     from torch import Tensor
 
-STAGE = "discriminator"
-
 
 class DiscriminatorConfig(MethodConfig):
-    """Hyperparameters of the discriminator, part of its methods' own."""
+    """Hyperparameters of the discriminator, part of those of a method that has one."""
 
     discriminator_passes: int = Field(1000, ge=1, description="Passes over the expert states.")
     discriminator_batch: int = Field(256, ge=1, description="Expert states per discriminator step.")
@@ -33,15 +37,17 @@ class DiscriminatorConfig(MethodConfig):
 
 
 class Discriminator:
-    """D(s), trained to tell expert states from offline ones; its logit is the reward.
+    """D(s), trained to tell expert states from offline ones in a stage of its own, then frozen.
 
     Args:
         shapes: of the observation, absorbing indicator included.
         hidden: widths of the hidden layers.
-        seeds: one per entry of the seed axis.
-        device: where it lives.
-        config: see there.
+        seeds: the seed axis.
+        device: where the parameters live.
+        config: its hyperparameters.
     """
+
+    STAGE = "discriminator"
 
     def __init__(
         self,
@@ -53,7 +59,7 @@ class Discriminator:
     ) -> None:
         self._config = config
         self._network = Network(
-            STAGE,
+            self.STAGE,
             (shapes.observation, *hidden, 1),
             seeds,
             device,
@@ -63,27 +69,27 @@ class Discriminator:
         self._optimizer = Adam(self._network.flat, config.discriminator_learning_rate)
 
     def stage(self, sizes: Sizes) -> Stage:
-        """Passes over the expert rows, each batch beside as many offline rows.
+        """Shuffled passes over the expert rows, each batch paired with as many offline rows.
 
         1000 expert rows in batches of 256 are 4 steps a pass: 4000 steps for 1000 passes.
         """
         batch = self._config.discriminator_batch
         steps = self._config.discriminator_passes * -(-sizes.expert // batch)
-        return Stage(STAGE, steps, offline_batch=batch, expert_batch=batch, expert_epochs=True)
+        return Stage(self.STAGE, steps, offline_batch=batch, expert_batch=batch, expert_epochs=True)
 
     def reward(self, observation: Tensor) -> Tensor:
-        """``R(s) = log D - log(1 - D)``, the raw logit, ``[S, B]``; no gradient."""
+        """``R(s) = D(s)``, the raw logit, ``[S, B]``; no gradient."""
         with torch.no_grad():
             return self._network(observation).squeeze(-1)
 
     def classification_loss(self, expert: Tensor, offline: Tensor) -> Tensor:
-        """``BCE(D(expert), 1) + BCE(D(offline), 0)`` per seed."""
+        """``BCE(D(s_E), 1) + BCE(D(s_O), 0)``, ``[S]``."""
         expert_logit, offline_logit = self._network(expert).squeeze(-1), self._network(offline).squeeze(-1)
         logsigmoid = torch.nn.functional.logsigmoid
         return -(logsigmoid(expert_logit).mean(-1) + logsigmoid(-offline_logit).mean(-1))
 
     def penalty_loss(self, expert: Tensor, offline: Tensor, fraction: Tensor) -> Tensor:
-        """``mean (||grad_x D(x)|| - 1)^2`` at ``x = u x_E + (1 - u) x_O``, u = `fraction` ``[S, B, 1]``."""
+        """``mean (||grad_x D(x)|| - 1)^2`` at ``x = u s_E + (1 - u) s_O``, u = `fraction` ``[S, B, 1]``; ``[S]``."""
         mixed = (fraction * expert + (1.0 - fraction) * offline).requires_grad_()
         (slope,) = torch.autograd.grad(self._network(mixed).sum(), mixed, create_graph=True)
         norm: Tensor = torch.linalg.vector_norm(slope, dim=-1)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 
 import torch
 
-from lfobench.nn.perceptron import Activation, Layout, Parameters, composed, evaluated
+from lfobench.nn.perceptron import Activation, Layout, Parameters, composed, differentiable, evaluated
 from lfobench.randomness import Randomness
 
 if TYPE_CHECKING:
@@ -37,15 +37,6 @@ def _initial_bounds(fan_in: int, fan_out: int, initialization: Initialization) -
     if initialization == "torch":
         return 1.0 / math.sqrt(fan_in), 1.0 / math.sqrt(fan_in)
     return math.sqrt(6.0 / (fan_in + fan_out)), 0.0
-
-
-def differentiable(parameters: Parameters, inputs: Tensor) -> Tensor:
-    """Outputs ``[G, B, out]`` of inputs ``[S, B, in]``, once differentiable in the parameters alone."""
-    # Imported here, because it needs torch itself and listing methods does not.
-    from lfobench.nn.passes import Pass
-
-    outputs: Tensor = Pass.apply(parameters.leaf, parameters, inputs)  # type: ignore[no-untyped-call]
-    return outputs
 
 
 class Network:

@@ -1,8 +1,8 @@
-"""The passes of a stack of multilayer perceptrons, written out: what the losses need and no multiplication more.
+"""Passes of a stack of multilayer perceptrons with a hand-written gradient: an inner part of `lfobench.nn.networks`.
 
-Autograd over single operations would keep what no loss asks for and gather a gradient from pieces. Here a pass is one
-node of the graph: its products write where their results belong, and its gradient is one flat tensor, shaped as the
-parameters.
+Autograd over single operations would keep tensors that no loss needs and gather a gradient from pieces. Here a pass is
+one node of autograd's graph: its products write where their results belong, and its gradient is one flat tensor, shaped
+as the parameters. It rounds differently from plain autograd, so that dropping it would change published numbers.
 
 Entries of the leading axis G (seeds x heads) run one after another on a CPU, where that costs nothing, keeps an entry's
 hidden units in the cache and makes its bits independent of its neighbours; elsewhere they run as batched products.
@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import torch
 
@@ -141,20 +141,81 @@ def evaluated(parameters: Parameters, inputs: Tensor) -> Tensor:
     with torch.no_grad():
         for layers, entry in zip(parameters.blocks(dtype), parameters.layout.shared(inputs.to(dtype)), strict=True):
             chunks = [entry] if batched(inputs) else entry.split(ROWS_IN_CACHE)
-            outputs.append(torch.cat([forward(parameters.layout, layers, chunk)[-1] for chunk in chunks], dim=-2))
-        return join(outputs).float()
+            outputs.append(torch.cat([_forward(parameters.layout, layers, chunk)[-1] for chunk in chunks], dim=-2))
+        return _join(outputs).float()
+
+
+def differentiable(parameters: Parameters, inputs: Tensor) -> Tensor:
+    """Outputs ``[G, B, out]`` of inputs ``[S, B, in]``, once differentiable in the parameters alone."""
+    outputs: Tensor = _node().apply(parameters.leaf, parameters, inputs)
+    return outputs
+
+
+@cache
+def _node() -> Any:
+    """The pass as a function of autograd; built at first use, because listing methods does without torch itself."""
+    from torch.autograd.function import once_differentiable
+
+    class Pass(torch.autograd.Function):
+        forward = staticmethod(_outputs)
+        backward = staticmethod(once_differentiable(_gradient))  # type: ignore[assignment]
+
+    return Pass
+
+
+def _outputs(ctx: Any, leaf: Tensor, parameters: Parameters, inputs: Tensor) -> Tensor:
+    """Forward pass, which keeps the input of every layer."""
+    ctx.parameters, ctx.dtype, ctx.unit_signals = parameters, product_type(inputs.device), None
+    ctx.version = parameters.flat._version
+    ctx.layer_inputs, outputs = [], []
+    entries = parameters.layout.shared(inputs.to(ctx.dtype))
+    for layers, entry in zip(parameters.blocks(ctx.dtype), entries, strict=True):
+        *hidden, output = _forward(parameters.layout, layers, entry)
+        ctx.layer_inputs.append([entry, *hidden])
+        outputs.append(output)
+    return _join(outputs).float()
+
+
+def _gradient(ctx: Any, signal: Tensor) -> tuple[Tensor, None, None]:
+    """Gradient, written in place layer by layer."""
+    if ctx.parameters.flat._version != ctx.version:
+        raise RuntimeError("the parameters changed between a pass and its gradient")
+    layout: Layout = ctx.parameters.layout
+    blocks = ctx.parameters.blocks(ctx.dtype)
+    signal = signal.to(ctx.dtype)
+    signals = [signal] if batched(signal) else signal.unbind()
+    gradient = torch.empty_like(ctx.parameters.flat)
+    gradient[:, layout.used :].zero_()
+    if layout.sizes[-1] == 1 and ctx.unit_signals is None:
+        # A row's signals are its output's, times signals that depend on the forward pass alone. Several losses of
+        # one pass share those, and with them every product but the weights' gradients.
+        ctx.unit_signals = [_signals(layout, *each, None) for each in zip(blocks, ctx.layer_inputs, strict=True)]
+    for entry, into in enumerate(layout.blocks(gradient)):
+        if layout.sizes[-1] == 1:
+            hidden = [unit * signals[entry] for unit in ctx.unit_signals[entry]]
+        else:
+            hidden = _signals(layout, blocks[entry], ctx.layer_inputs[entry], signals[entry])
+        for index, (weight, bias) in enumerate(into):
+            if index < layout.frozen:
+                weight.zero_()
+                bias.zero_()
+                continue
+            at_output = [*hidden, signals[entry]][index - layout.frozen]
+            _multiply(ctx.layer_inputs[entry][index].mT, at_output, weight)
+            torch.sum(at_output, dim=-2, keepdim=True, dtype=torch.float32, out=bias)
+    return gradient, None, None
 
 
 def _view(flat: Tensor, shape: tuple[int, int], offset: int, start: int) -> Tensor:
     return flat.as_strided(shape, (shape[1], 1), start + offset)
 
 
-def join(outputs: Sequence[Tensor]) -> Tensor:
+def _join(outputs: Sequence[Tensor]) -> Tensor:
     """Outputs of all blocks as one tensor ``[G, B, out]``."""
     return outputs[0] if outputs[0].dim() == 3 else torch.stack(list(outputs))
 
 
-def forward(layout: Layout, layers: Sequence[Layer], inputs: Tensor) -> list[Tensor]:
+def _forward(layout: Layout, layers: Sequence[Layer], inputs: Tensor) -> list[Tensor]:
     """What every layer gives, activation included, of inputs ``[..., B, in]``."""
     hidden, given = inputs, []
     for index, (weight, bias) in enumerate(layers):
@@ -165,12 +226,14 @@ def forward(layout: Layout, layers: Sequence[Layer], inputs: Tensor) -> list[Ten
     return given
 
 
-def signals_of(layout: Layout, layers: Sequence[Layer], seen: Sequence[Tensor], output: Tensor | None) -> list[Tensor]:
+def _signals(
+    layout: Layout, layers: Sequence[Layer], layer_inputs: Sequence[Tensor], output: Tensor | None
+) -> list[Tensor]:
     """Signals ``[..., B, width]`` at the trained hidden layers, from the first; an `output` of None is all ones."""
     signals: list[Tensor] = []
     signal = output
     for index in range(len(layers) - 1, layout.frozen, -1):
-        weight, hidden = layers[index][0], seen[index]
+        weight, hidden = layers[index][0], layer_inputs[index]
         arriving = weight.mT.expand_as(hidden) if signal is None else torch.matmul(signal, weight.mT)
         if layout.activation == "relu":
             signal = torch.ops.aten.threshold_backward(arriving, hidden, 0)
@@ -180,7 +243,7 @@ def signals_of(layout: Layout, layers: Sequence[Layer], seen: Sequence[Tensor], 
     return signals
 
 
-def multiply(left: Tensor, right: Tensor, out: Tensor) -> None:
+def _multiply(left: Tensor, right: Tensor, out: Tensor) -> None:
     """Product written to where it belongs, whatever the number type of its factors."""
     if out.dtype == left.dtype:
         torch.matmul(left, right, out=out)

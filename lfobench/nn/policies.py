@@ -1,9 +1,9 @@
-"""Policies that several methods share: a deterministic tanh policy and two Gaussian ones."""
+"""Policies, each with its regression on actions: a deterministic tanh policy and two Gaussian ones."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import torch
@@ -30,7 +30,16 @@ def squared_error(action: Tensor, prediction: Tensor) -> Tensor:
 
 
 class DeterministicPolicy:
-    """``tanh(MLP(s))`` trained by weighted regression."""
+    """``pi(s) = tanh(MLP(s))``, trained by weighted regression: ``mean(w ||a - pi(s)||^2)``.
+
+    Args:
+        shapes: of observations and actions.
+        hidden: widths of the hidden layers.
+        seeds: the seed axis.
+        device: where the parameters live.
+        learning_rate: Adam's step size.
+        cosine_steps: length of its cosine schedule; None keeps it constant.
+    """
 
     def __init__(
         self,
@@ -42,19 +51,26 @@ class DeterministicPolicy:
         learning_rate: float,
         cosine_steps: int | None = None,
     ) -> None:
+        def adam(parameters: Tensor) -> Adam:
+            return Adam(parameters, learning_rate, cosine_steps=cosine_steps)
+
         self._network = Network("policy", (shapes.observation, *hidden, shapes.action), seeds, device)
-        self._optimizer = Adam(self._network.flat, learning_rate, cosine_steps=cosine_steps)
+        self._optimizer = adam(self._network.flat)
+        self._add_parameters(SeedVector(shapes.action, len(seeds), device), adam)
 
     def act(self, observation: Tensor) -> Tensor:
         """Actions ``[S, N, act]``."""
         return torch.tanh(self._network(observation))
 
-    def regress(self, observation: Tensor, action: Tensor, weight: Tensor | None = None) -> Tensor:
-        """One step on the mean of ``weight * error(s, a)``; returns the loss ``[S]``."""
+    def regress(self, observation: Tensor, action: Tensor, weight: Tensor | None = None) -> Metrics:
+        """One step on the mean of ``weight * error(s, a)``; returns ``policy_loss``, ``[S]``."""
         error = self._error(observation, action)
         loss = (error if weight is None else weight * error).mean(-1)
         self._step(loss)
-        return loss.detach()
+        return {"policy_loss": loss.detach()}
+
+    def _add_parameters(self, per_action: SeedVector, adam: Callable[[Tensor], Adam]) -> None:
+        """Parameters outside the network, where the error has some: a number per action."""
 
     def _error(self, observation: Tensor, action: Tensor) -> Tensor:
         """``||a - pi(s)||^2``, ``[S, B]``."""
@@ -65,27 +81,17 @@ class DeterministicPolicy:
 
 
 class GaussianPolicy(DeterministicPolicy):
-    """Diagonal Gaussian around ``tanh(MLP(s))`` with a log-std per action that no state changes.
+    """``pi(.|s) = N(tanh(MLP(s)), diag sigma^2)``, trained on the weighted log-likelihood; acts by its mean.
 
-    The policy class of the code base that DILO's authors started from; the seed paper's weighted
-    log-likelihood needs a density, its released code does not. It acts by its mean.
+    The log-std, one per action, is a parameter that no state changes (the policy class of the code base that DILO's
+    authors started from).
     """
 
     LOG_STD_RANGE = (-5.0, 2.0)
 
-    def __init__(
-        self,
-        shapes: Shapes,
-        hidden: Sequence[int],
-        seeds: Sequence[int],
-        device: torch.device,
-        *,
-        learning_rate: float,
-        cosine_steps: int | None = None,
-    ) -> None:
-        super().__init__(shapes, hidden, seeds, device, learning_rate=learning_rate, cosine_steps=cosine_steps)
-        self._log_std = SeedVector(shapes.action, len(seeds), device)
-        self._log_std_optimizer = Adam(self._log_std.flat, learning_rate, cosine_steps=cosine_steps)
+    def _add_parameters(self, per_action: SeedVector, adam: Callable[[Tensor], Adam]) -> None:
+        self._log_std = per_action
+        self._log_std_optimizer = adam(per_action.flat)
 
     def _error(self, observation: Tensor, action: Tensor) -> Tensor:
         """``-log pi(a|s)``, ``[S, B]``."""
@@ -99,10 +105,22 @@ class GaussianPolicy(DeterministicPolicy):
 
 
 class TanhGaussianPolicy:
-    """Squashed Gaussian trained on weighted log-likelihood with an entropy constraint.
+    """``a = tanh(u)``, ``u ~ N(mu(s), diag sigma(s)^2)``, trained on the weighted log-likelihood; acts by ``tanh(mu)``.
 
-    ``L_pi = -mean(w log pi(a|s)) + exp(l) mean log pi(a~|s)``, a~ a reparameterised sample;
-    ``L_l = -l (mean log pi(a~|s) + H)`` with H = -dim(a). Without the constraint only the first term remains.
+    The entropy is held near ``H = -dim(a)`` as in Soft Actor-Critic (Haarnoja et al. 2018), by a log-temperature l:
+
+        L_pi = -mean(w log pi(a|s)) + exp(l) mean log pi(a~|s)          a~ a reparameterised sample of pi(.|s)
+        L_l  = -l (mean log pi(a~|s) + H)
+
+    Without the constraint only the first term remains.
+
+    Args:
+        shapes: of observations and actions.
+        hidden: widths of the hidden layers.
+        seeds: the seed axis.
+        device: where the parameters live.
+        learning_rate: Adam's step size for policy and temperature.
+        entropy_constraint: whether the entropy is constrained.
     """
 
     MEAN_RANGE = (-7.24, 7.24)
@@ -147,7 +165,7 @@ class TanhGaussianPolicy:
         return torch.tanh(self._distribution(observation)[0])
 
     def regress(
-        self, observation: Tensor, action: Tensor, weight: Tensor | None, randomness: StepRandomness
+        self, observation: Tensor, action: Tensor, randomness: StepRandomness, weight: Tensor | None = None
     ) -> Metrics:
         """One step of policy and temperature; returns ``policy_loss`` and ``entropy``, ``[S]`` each."""
         mean, log_std = self._distribution(observation)

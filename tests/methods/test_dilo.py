@@ -377,7 +377,7 @@ def test_thirty_updates_agree_with_the_reference(preset: str, overrides: dict[st
 def test_deterministic_policy_acts_by_the_tanh_of_its_network() -> None:
     dilo = make("released")
     observation = normal(np.random.default_rng(14), len(SEEDS), 10, SHAPES.observation)
-    action = dilo.act(observation)
+    action = dilo.act(observation).detach()
     for seed in range(len(SEEDS)):
         policy = parameters_of(dilo, "policy", POLICY, seed)
         expected = np.tanh(ref.evaluate(policy, observation[seed].double().numpy()))

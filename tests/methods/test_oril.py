@@ -131,7 +131,7 @@ def test_actor_loss_does_not_train_the_critic() -> None:
 def test_acts_by_the_tanh_of_the_actor() -> None:
     oril = make()
     observation = normal(np.random.default_rng(5), len(SEEDS), 10, SHAPES.observation)
-    action = oril.act(observation)
+    action = oril.act(observation).detach()
     for seed in range(len(SEEDS)):
         actor = parameters_of(oril, "actor", ACTOR, seed)
         expected = np.tanh(ref.evaluate(actor, observation[seed].double().numpy()))

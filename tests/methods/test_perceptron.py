@@ -11,9 +11,8 @@ import torch
 from method_helpers import normal
 from torch import Tensor
 
-from lfobench.nn import passes, perceptron
-from lfobench.nn.networks import differentiable
-from lfobench.nn.perceptron import Activation, Layout, Parameters, composed, evaluated
+from lfobench.nn import perceptron
+from lfobench.nn.perceptron import Activation, Layout, Parameters, composed, differentiable, evaluated
 
 SEEDS, HEADS, ROWS = 3, 2, 300
 
@@ -39,7 +38,6 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iter
     """How the leading axis is multiplied; the batched way is CUDA's, here run on a CPU."""
     if request.param == "batched":
         monkeypatch.setattr(perceptron, "batched", lambda tensor: True)
-        monkeypatch.setattr(passes, "batched", lambda tensor: True)
     yield request.param
 
 

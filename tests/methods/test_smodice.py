@@ -204,7 +204,7 @@ def test_acts_by_the_tanh_of_the_clamped_mean() -> None:
     smodice = make()
     randomize(smodice, "policy", POLICY, 3.0)
     observation = normal(np.random.default_rng(7), len(SEEDS), 10, SHAPES.observation)
-    action = smodice.act(observation)
+    action = smodice.act(observation).detach()
     for seed in range(len(SEEDS)):
         mean, _ = ref.tanh_gaussian(parameters_of(smodice, "policy", POLICY, seed), observation[seed].double().numpy())
         np.testing.assert_allclose(action[seed].numpy(), np.tanh(mean), atol=1e-5)
