@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+import typer.main
 
+from lfobench.cli import app
 from lfobench.contract.method import Shapes
 from lfobench.engine.method_check import require_sound
 from lfobench.registry import load_method
@@ -28,6 +32,41 @@ def test_local_links_lead_somewhere(name: str) -> None:
     links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
     assert links
     assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+COMMANDS = [
+    (page.name, line.strip())
+    for page in PAGES
+    for block in re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    for line in block.replace("\\\n", " ").splitlines()
+]
+
+
+@pytest.mark.parametrize(("page", "line"), [each for each in COMMANDS if each[1].startswith("lfobench ")])
+def test_every_documented_command_is_understood(page: str, line: str) -> None:
+    """Its names, arguments and options are those of the command line; nothing is carried out."""
+    words = shlex.split(line.split(" > ")[0], comments=True)
+    name, command = words.pop(0), typer.main.get_command(app)
+    while commands := getattr(command, "commands", None):
+        name = words.pop(0)
+        assert name in commands, line
+        command = commands[name]
+    assert command.make_context(name, words).args == []
+
+
+def test_every_documented_make_target_exists() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    named = {line.split()[1] for _, line in COMMANDS if line.startswith("make ")}
+    assert named
+    assert named <= targets
+
+
+def test_the_citation_names_this_version_and_licence() -> None:
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for field in ("version", "license"):
+        assert re.findall(rf"^{field}: (.*)$", citation, re.MULTILINE) == [project[field]]
 
 
 def test_the_readme_s_method_keeps_every_rule(tmp_path: Path) -> None:
