@@ -58,7 +58,7 @@ class MethodConfig(BaseModel):
 
 @dataclass(frozen=True)
 class DataNeeds:
-    """What a method must see, and in which form (data/boundaries.py defines the rules by name).
+    """Data that a method must see, and in which form (lfobench/data/boundaries.py defines the rules by name).
 
     Attributes:
         offline: fields of an offline batch; ``label`` is what the method's `prepare` computed.
@@ -151,7 +151,7 @@ class Method(ABC):
         name: what ``--methods`` takes.
         version: raised whenever the numbers of a method that ships with lfobench change; part of every run's identity.
             A method from elsewhere is identified by its source files as well.
-        access_to_expert_actions: the column group of the seed paper's Table 1. Cloning the mixed offline data
+        access_to_expert_actions: the column group in Table 1 of DILO's paper. Cloning the mixed offline data
             counts as access there. Only a method that declares it may ask for expert actions.
         Config: the hyperparameters; their defaults are the ``released`` preset.
         presets: per preset, the fields that differ from the defaults.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Initialization = Literal["torch", "xavier"]
 
 # Vector kernels treat the last few elements of an array differently from the rest. A row of parameters that is a
-# whole number of vectors long is never such a tail, so a seed gets the same bits alone and beside others.
+# whole number of vectors long is never such a tail, so a seed gets the same bits alone and among others.
 ROW_MULTIPLE = 64
 
 
@@ -50,7 +50,7 @@ class Network:
         heads: independent copies per seed that see the same input.
         activation: between layers; the last layer is linear.
         initialization: of the weights.
-        merged_outputs: layers of equal width that the last one holds side by side; each has a layer's own initial
+        merged_outputs: layers of equal width that the last one stands for; each has a layer's own initial
             bounds.
         frozen_layers: layers from the first that keep their initial values.
     """
@@ -93,7 +93,7 @@ class Network:
         return outputs.unflatten(0, (self.seed_count, self.heads)) if self.heads > 1 else outputs
 
     def live_tensors(self) -> dict[str, Tensor]:
-        """All that training changes."""
+        """Tensors that training changes."""
         return {"": self.flat}
 
     def gradient(self, loss: Tensor, *, retain_graph: bool = False) -> Tensor:
@@ -102,9 +102,9 @@ class Network:
         return gradient
 
     def inner_product(self, one: Tensor, other: Tensor) -> Tensor:
-        """Of two tensors shaped as the parameters, all heads of a seed as one vector: ``[S]``.
+        """Inner product of two tensors shaped as the parameters, all heads of a seed as one vector: ``[S]``.
 
-        In pieces that one thread sums, so that the number of threads changes no bit.
+        Summed in pieces, each by one thread, so that the number of threads changes no bit.
         """
         return (one * other).view(self.seed_count, -1, ROW_MULTIPLE).sum(-1).sum(-1)
 
@@ -138,7 +138,7 @@ class SeedVector:
         self.values = self.flat[:, :width].detach().requires_grad_()
 
     def live_tensors(self) -> dict[str, Tensor]:
-        """All that training changes."""
+        """Tensors that training changes."""
         return {"": self.flat}
 
     def padded(self, gradient: Tensor) -> Tensor:
@@ -214,5 +214,5 @@ class Adam:
         self._optimizer.step()
 
     def live_tensors(self) -> dict[str, Tensor]:
-        """All that a step changes, except the parameters."""
+        """Tensors that a step changes, except the parameters."""
         return self._state

@@ -32,7 +32,7 @@ ROWS_IN_CACHE = 256
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the layers lie in flat parameters ``[G, P]``: weight ``[in, out]``, bias, the next layer's, padding.
+    """Places of the layers in flat parameters ``[G, P]``: weight ``[in, out]``, bias, the next layer's, padding.
 
     Attributes:
         sizes: widths from input to output.
@@ -63,7 +63,7 @@ class Layout:
         ]
 
     def blocks(self, flat: Tensor) -> list[list[Layer]]:
-        """The layers of what runs together: of every entry alone on a CPU, of all of them elsewhere."""
+        """Layers that run together: those of every entry alone on a CPU, of all entries elsewhere."""
         if batched(flat):
             return [self.layers(flat)]
         return [
@@ -114,7 +114,7 @@ class Parameters:
         self._blocks = layout.blocks(flat)
 
     def blocks(self, dtype: torch.dtype) -> list[list[Layer]]:
-        """What runs together, as numbers of `dtype`."""
+        """The layers that run together, as numbers of `dtype`."""
         return self._blocks if dtype == self.flat.dtype else self.layout.blocks(self.flat.to(dtype))
 
 
@@ -216,14 +216,14 @@ def _join(outputs: Sequence[Tensor]) -> Tensor:
 
 
 def _forward(layout: Layout, layers: Sequence[Layer], inputs: Tensor) -> list[Tensor]:
-    """What every layer gives, activation included, of inputs ``[..., B, in]``."""
-    hidden, given = inputs, []
+    """Outputs of every layer, activation included, of inputs ``[..., B, in]``."""
+    hidden, outputs = inputs, []
     for index, (weight, bias) in enumerate(layers):
         hidden = torch.matmul(hidden, weight).add_(bias)
         if index < len(layers) - 1:
             hidden = hidden.relu_() if layout.activation == "relu" else hidden.tanh_()
-        given.append(hidden)
-    return given
+        outputs.append(hidden)
+    return outputs
 
 
 def _signals(
@@ -244,7 +244,7 @@ def _signals(
 
 
 def _multiply(left: Tensor, right: Tensor, out: Tensor) -> None:
-    """Product written to where it belongs, whatever the number type of its factors."""
+    """Product written into `out`, whatever the number type of its factors."""
     if out.dtype == left.dtype:
         torch.matmul(left, right, out=out)
     else:

@@ -14,7 +14,7 @@ from lfobench.data.firewall import check_declaration
 ALL = registry.method_names()
 methods = pytest.mark.parametrize("method", [registry.load_method(name) for name in ALL], ids=ALL)
 
-# Papers and released code, as docs/methods.md has them.
+# Numbers of the papers and of the released code (docs/methods.md).
 STATED: list[tuple[str, str, dict[str, Any]]] = [
     (
         "dilo",
