@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import typer.main
+from helpers_cli import InProcess
 
 from lfobench.cli import app
 from lfobench.contract.method import Shapes
@@ -75,6 +76,19 @@ def test_the_readme_s_method_keeps_every_rule(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(source, encoding="utf-8")
     method = load_method(str(tmp_path / "mine.py"))
     require_sound(method, method.Config(), Shapes(4, 2))
+
+
+@pytest.mark.slow
+def test_the_first_run_of_the_tutorial_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lfobench_command: InProcess
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    commands = [shlex.split(line)[1:] for page, line in COMMANDS if page == "tutorial.md" and "--out first" in line]
+    assert [command[0] for command in commands] == ["run", "status", "table", "plot", "compare", "report"]
+    for command in commands:
+        assert lfobench_command(*command).code == 0, command
+    assert (tmp_path / "first" / "curves.pdf").read_bytes().startswith(b"%PDF")
+    assert "<html" in (tmp_path / "first" / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
