@@ -7,7 +7,6 @@ import json
 import re
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import datetime
 from functools import cache
 from importlib.resources import files
@@ -26,9 +25,9 @@ from lfobench.html_report.curves import (
     dashes,
     panels,
 )
-from lfobench.html_report.evidence import Evidence, gather
+from lfobench.html_report.knobs import Knobs, alphas_of, columns_of, in_scope, knobs_of, pair_counts, tests_of
 from lfobench.html_report.runs import cells, reproduce_section, runs_section
-from lfobench.html_report.verdict import REACHABLE, problems_section, verdict
+from lfobench.html_report.verdict import REACHABLE, how, pairs_how, problems_section, sentence, verdict
 from lfobench.html_report.verdict import tasks as counted_tasks
 from lfobench.plots.captions import demonstration_score
 from lfobench.plots.figure import Look
@@ -36,12 +35,9 @@ from lfobench.record import Failure, Record, Warning
 from lfobench.score import Statistic
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.intervals import t_interval
-from lfobench.stats.options import HighlightTest
-from lfobench.stats.tests import PAIRED, T_TESTS
 from lfobench.tables.building import build_table
 from lfobench.tables.exporters.html import Markup, element, notes_list, score_table, table_style
-from lfobench.tables.footnote import CORRECTIONS, SCOPES, TESTS, highlight_notes, seeds_note, unit, without_spread_note
-from lfobench.tables.footnote import TESTS as WORDS
+from lfobench.tables.footnote import CORRECTIONS, SCOPES, TESTS, highlight_notes, seeds_note, unit
 from lfobench.tables.table import HIGHLIGHT_NOTE, LOST, Cell, Column, Row, Table
 from lfobench.text import harmless_lines
 
@@ -50,30 +46,55 @@ _DIGITS = 2
 """Of the scores that are only drawn or listed; what decides is unrounded."""
 
 
-def payload(evidence: Evidence, panels: Sequence[Panel], looks: Mapping[Column, Look]) -> dict[str, Any]:
-    """Rule, words, columns, rows with their p-values, and the curves."""
-    table = evidence.table
-    rule = table.rule
+def payload(knobs: Knobs, panels: Sequence[Panel], looks: Mapping[Column, Look]) -> dict[str, Any]:
+    """Columns, rows with their curves, and what each setting of the knobs shows."""
+    table = knobs.table
+    texts: dict[str, int] = {}
+    views = {_key(rule): _view(decided, texts) for rule, decided in knobs.tables.items()}
     return {
-        "rule": {"test": rule.test, "scope": rule.scope, "correction": rule.correction, "alpha": rule.alpha},
-        "words": {
-            "tests": {test: WORDS[test] for test in evidence.tests},
-            "units": {test: unit(test) for test in evidence.tests},
-            "withoutSpread": {test: without_spread_note(test, "") for test in evidence.tests if test in T_TESTS},
-            "corrections": CORRECTIONS,
-            "scopes": SCOPES,
-            "reachable": REACHABLE,
-        },
         "labels": {"highlight": HIGHLIGHT_NOTE, "lost": LOST},
-        "paired": sorted(PAIRED),
-        "seeds": {test: _seeds_note(table, test) for test in evidence.tests},
-        "unavailable": {f"{test} {scope}": reason for (test, scope), reason in evidence.unavailable.items()},
-        "pairs": [list(pair) for pair in evidence.pairs],
-        "columns": [_column(column, looks[column]) for column in evidence.columns],
+        "unavailable": {f"{test} {scope}": reason for (test, scope), reason in knobs.obstacles.items()},
+        "columns": [_column(column, looks[column]) for column in columns_of(table)],
         "positions": [index for index, column in enumerate(table.columns) if column.run_here],
-        "rows": [_row(evidence, index, panel) for index, panel in enumerate(panels)],
+        "rows": [_row(table, row, panel) for (_, row), panel in zip(table.rows(), panels, strict=True)],
         "level": LEVEL,
         "frame": {"width": WIDTH, "height": HEIGHT, "left": LEFT, "right": RIGHT, "top": TOP, "bottom": BOTTOM},
+        "views": views,
+        "texts": list(texts),
+    }
+
+
+def _key(rule: Rule) -> str:
+    """A setting of the knobs as the page's script spells it."""
+    return f"{rule.test} {rule.scope} {rule.correction} {rule.alpha!r}"
+
+
+def _view(table: Table, texts: dict[str, int]) -> dict[str, Any]:
+    """Everything that depends on the knobs, under one setting; texts by their place in `texts`, which grows."""
+
+    def place(text: str) -> int:
+        return texts.setdefault(text, len(texts))
+
+    notes = list(highlight_notes(table))
+    design = next((note.text for note in notes if note.label == "Design"), REACHABLE)
+    competing = in_scope(table)
+    cells = [
+        [cell for column, cell in zip(table.columns, row.cells, strict=True) if column.run_here]
+        for _, row in table.rows()
+    ]
+    return {
+        "verdict": place(sentence(table)),
+        "how": place(how(table)),
+        "design": place(design),
+        "pairsHow": place(pairs_how(table.rule)),
+        "seeds": place(seeds_note(table).text),
+        "notes": [[note.label, place(note.text)] for note in notes],
+        "highlighted": [[index for index, cell in enumerate(row) if cell and cell.highlighted] for row in cells],
+        "lost": [[index for index, cell in enumerate(row) if cell and cell.lost] for row in cells],
+        "pairs": [
+            [each.better, each.worse, each.undecided, each.untested] if {each.first, each.second} <= competing else None
+            for each in pair_counts(table)
+        ],
     }
 
 
@@ -95,35 +116,12 @@ def _column(column: Column, look: Look) -> dict[str, Any]:
     return {"label": column.label, "kind": column.kind, "colour": look.colour, "dashes": dashes(look)}
 
 
-def _best_cases(evidence: Evidence, row: Row) -> dict[str, dict[str, list[Any] | None]]:
-    """By test and scope: smallest p-value, as printed, and number of scores."""
-    found = {(test, scope): evidence.best_case(row, test, scope) for test in evidence.tests for scope in SCOPES}
-    return {
-        test: {
-            scope: None if (case := found[test, scope]) is None else [case[0], f"{case[0]:.2g}", case[1]]
-            for scope in SCOPES
-        }
-        for test in evidence.tests
-    }
-
-
-def _seeds_note(table: Table, test: HighlightTest) -> str:
-    """The footnote's word on seeds says what they allow, which a paired test changes."""
-    return seeds_note(replace(table, rule=replace(table.rule, test=test))).text
-
-
-def _row(evidence: Evidence, index: int, panel: Panel) -> dict[str, Any]:
-    table, row, axes = evidence.table, evidence.rows[index], panel.axes
+def _row(table: Table, row: Row, panel: Panel) -> dict[str, Any]:
+    axes, columns = panel.axes, columns_of(table)
     cells = [cell for column, cell in zip(table.columns, row.cells, strict=True) if column.run_here]
     return {
         "task": row.task,
-        "p": {test: list(of_rows[index]) for test, of_rows in evidence.p.items()},
-        "places": {test: evidence.places(row, test) for test in ("welch", "fisher") if test in evidence.tests},
-        "withoutSpread": {test: evidence.without_spread(row, test) for test in sorted(T_TESTS)},
-        "bestCases": _best_cases(evidence, row),
-        "cells": [
-            _cell(cell, panel, column) if cell else None for column, cell in zip(evidence.columns, cells, strict=True)
-        ],
+        "cells": [_cell(cell, panel, column) if cell else None for column, cell in zip(columns, cells, strict=True)],
         "steps": panel.steps,
         "demonstration": demonstration_score(table, row),
         "axes": {
@@ -196,20 +194,20 @@ def report(
     """
     table = build_table(records, statistic, rule, tasks, methods, failures)
     records = [record for _, members in cells(table, records) for record in members]
-    evidence = gather(table)
+    knobs = knobs_of(table)
     drawn, looks = panels(table, records), column_looks(table, methods)
     body = [
         _header(table, records, title, now),
         element(
             "main",
-            verdict(evidence),
-            _table_section(evidence),
+            verdict(table),
+            _table_section(table),
             curves_section(table, records, drawn, looks),
             runs_section(table, records),
             problems_section(records, failures, warnings),
             reproduce_section(records, failures, table.statistic, rule, filters),
         ),
-        element("script", as_json(payload(evidence, drawn, looks)), type="application/json", id="evidence"),
+        element("script", as_json(payload(knobs, drawn, looks)), type="application/json", id="evidence"),
         element("script", Markup(script())),
     ]
     return f"<!DOCTYPE html>\n{element('html', _head(title), element('body', *body), lang='en')}\n"
@@ -223,8 +221,8 @@ def style() -> str:
 
 @cache
 def script() -> str:
-    """The page's script: the rule, then what draws with it."""
-    return f'"use strict";\n{{\n{_file("rule.js")}\n{_file("details.js")}\n{_file("report.js")}}}\n'
+    """The page's script."""
+    return f'"use strict";\n{{\n{_file("details.js")}\n{_file("report.js")}}}\n'
 
 
 def _file(name: str) -> str:
@@ -278,14 +276,13 @@ def _header(table: Table, records: Sequence[Record], title: str, now: datetime |
     )
 
 
-def _table_section(evidence: Evidence) -> Markup:
-    table = evidence.table
+def _table_section(table: Table) -> Markup:
     about_highlights = set(highlight_notes(table))
     kinds = tuple("highlight" if note in about_highlights else "" for note in table.notes)
     return element(
         "section",
         element("h2", "Table"),
-        _knobs(evidence),
+        _knobs(table),
         element(
             "figure",
             element("div", score_table(table, class_="sortable", id="scores"), class_="scroll", id="scores-scroll"),
@@ -304,15 +301,15 @@ def _table_section(evidence: Evidence) -> Markup:
     )
 
 
-def _knobs(evidence: Evidence) -> Markup:
+def _knobs(table: Table) -> Markup:
     """Hidden until the script has them at work."""
-    rule = evidence.table.rule
+    rule = table.rule
     units: dict[str, str] = {
         "seed": "over seeds",
         "start state": "over common start states",
         "episode": "over episodes",
     }
-    tests = [
+    groups = [
         element(
             "optgroup",
             *(
@@ -322,26 +319,26 @@ def _knobs(evidence: Evidence) -> Markup:
                     value=test,
                     selected=test == rule.test,
                 )
-                for test in tests_of
+                for test in tests
             ),
             label=label,
         )
         for counted, label in units.items()
-        if (tests_of := [test for test in evidence.tests if unit(test) == counted])
+        if (tests := [test for test in tests_of(table) if unit(test) == counted])
     ]
     scopes = [element("option", SCOPES[scope], value=scope, selected=scope == rule.scope) for scope in SCOPES]
     corrections = [
         element("option", CORRECTIONS[each], value=each, selected=each == rule.correction) for each in CORRECTIONS
     ]
-    alpha = element(
-        "input", id="alpha", name="alpha", type="number", min="0", max="1", step="any", value=repr(rule.alpha)
-    )
+    alphas = [
+        element("option", f"{alpha:g}", value=repr(alpha), selected=alpha == rule.alpha) for alpha in alphas_of(table)
+    ]
     return element(
         "form",
-        element("label", "Test ", element("select", *tests, id="test", name="test")),
+        element("label", "Test ", element("select", *groups, id="test", name="test")),
         element("label", "Scope ", element("select", *scopes, id="scope", name="scope")),
         element("label", "Correction ", element("select", *corrections, id="correction", name="correction")),
-        element("label", "α ", alpha),
+        element("label", "α ", element("select", *alphas, id="alpha", name="alpha")),
         element("button", "Reset", type="reset"),
         id="knobs",
         class_="knobs",

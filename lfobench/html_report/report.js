@@ -1,4 +1,4 @@
-// The page: knobs that decide the table again, columns that sort, cells that tell, commands that copy.
+// The page: knobs that switch between the table's views, columns that sort, cells that tell, commands that copy.
 
 const evidence = JSON.parse(document.getElementById("evidence").textContent);
 const scoreTable = document.getElementById("scores");
@@ -6,38 +6,28 @@ const byId = (id) => document.getElementById(id);
 
 // Knobs
 
-function readRule(form) {
-  const alpha = form.elements.alpha.valueAsNumber;
-  const valid = alpha >= 0 && alpha <= 1;
-  form.elements.alpha.setAttribute("aria-invalid", String(!valid));
-  if (!valid) return null;
-  const [test, scope, correction] = ["test", "scope", "correction"].map((name) => form.elements[name].value);
-  return { test, scope, correction, alpha };
-}
-
 function setText(id, text) {
   const node = byId(id);
   if (node && node.textContent !== text) node.textContent = text;
 }
 
-function showHighlights(outcomes) {
+function showHighlights(view) {
   for (const line of scoreTable.tBodies[0].rows) {
-    const outcome = outcomes[Number(line.dataset.row)];
+    const row = Number(line.dataset.row);
     evidence.positions.forEach((position, column) => {
       const cell = line.querySelector(`[data-column="${position}"]`);
-      cell.classList.toggle("highlighted", outcome.methods.includes(column));
-      cell.querySelector(".dagger").textContent = outcome.lost.includes(column) ? evidence.labels.lost : "";
+      cell.classList.toggle("highlighted", view.highlighted[row].includes(column));
+      cell.querySelector(".dagger").textContent = view.lost[row].includes(column) ? evidence.labels.lost : "";
     });
   }
 }
 
 function showNotes(notes) {
   const shown = document.querySelectorAll('#notes [data-kind="highlight"]');
-  const anchor = shown[0];
   const fresh = notes.map(([label, text]) =>
-    make("div", { "data-kind": "highlight" }, make("dt", {}, label), " ", make("dd", {}, text)),
+    make("div", { "data-kind": "highlight" }, make("dt", {}, label), " ", make("dd", {}, evidence.texts[text])),
   );
-  anchor.before(...fresh);
+  shown[0].before(...fresh);
   for (const old of shown) old.remove();
 }
 
@@ -50,49 +40,37 @@ function showSeeds(text) {
   if (limit) limit.textContent = text;
 }
 
-function showPairs(rule) {
-  const inScope = (index) => competes(evidence.columns[index], rule.scope);
-  let shown = 0;
+function showPairs(view) {
   for (const line of document.querySelectorAll("[data-pair]")) {
-    const pair = Number(line.dataset.pair);
-    line.hidden = !evidence.pairs[pair].every(inScope);
-    if (!line.hidden) shown += 1;
-    for (const [name, count] of Object.entries(countPair(evidence, pair, rule))) {
-      line.querySelector(`[data-count="${name}"]`).textContent = count;
-    }
+    const counts = view.pairs[Number(line.dataset.pair)];
+    line.hidden = counts === null;
+    if (counts === null) continue;
+    ["better", "worse", "undecided", "untested"].forEach((name, place) => {
+      line.querySelector(`[data-count="${name}"]`).textContent = counts[place];
+    });
   }
-  if (byId("pairs")) byId("pairs").hidden = shown === 0;
-  setText("pairs-how", howPairs(evidence, rule));
+  if (byId("pairs")) byId("pairs").hidden = view.pairs.every((counts) => counts === null);
+  setText("pairs-how", evidence.texts[view.pairsHow]);
 }
 
-function showCommands(rule) {
-  const options = `--test ${rule.test} --scope ${rule.scope} --correction ${rule.correction} --alpha ${rule.alpha}`;
-  for (const span of document.querySelectorAll(".knob-options")) span.textContent = options;
-}
-
-function apply(rule) {
-  const obstacle = evidence.unavailable[`${rule.test} ${rule.scope}`];
+function apply(form) {
+  const [test, scope, correction, alpha] = ["test", "scope", "correction", "alpha"].map((name) => form.elements[name].value);
+  const obstacle = evidence.unavailable[`${test} ${scope}`];
   setText("status", obstacle ? `The test cannot be made: ${obstacle} The table still shows the choice before.` : "");
   if (obstacle) return;
-  const outcomes = highlights(evidence, rule);
-  const notes = highlightNotes(evidence, rule, outcomes);
-  showHighlights(outcomes);
-  showNotes(notes);
-  showSeeds(evidence.seeds[rule.test]);
-  showPairs(rule);
-  showCommands(rule);
-  setText("verdict", verdictSentence(evidence, rule, outcomes));
-  setText("how", howDecided(evidence, rule, outcomes));
-  const design = notes.find(([label]) => label === "Design");
-  setText("design", design ? design[1] : evidence.words.reachable);
+  const view = evidence.views[`${test} ${scope} ${correction} ${alpha}`];
+  showHighlights(view);
+  showNotes(view.notes);
+  showSeeds(evidence.texts[view.seeds]);
+  showPairs(view);
+  for (const name of ["verdict", "how", "design"]) setText(name, evidence.texts[view[name]]);
+  const options = `--test ${test} --scope ${scope} --correction ${correction} --alpha ${alpha}`;
+  for (const span of document.querySelectorAll(".knob-options")) span.textContent = options;
 }
 
 function startKnobs() {
   const form = byId("knobs");
-  const decide = () => {
-    const rule = readRule(form);
-    if (rule) apply(rule);
-  };
+  const decide = () => apply(form);
   form.hidden = false;
   form.addEventListener("input", decide);
   form.addEventListener("submit", (event) => event.preventDefault());

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from lfobench.errors import UserError
-from lfobench.html_report.evidence import Evidence
+from lfobench.html_report.knobs import in_scope, pair_counts
 from lfobench.plots.captions import Compared, compare
 from lfobench.record import Failure, Record, Warning
 from lfobench.stats.aggregates import interquartile_mean, probability_of_improvement
@@ -26,19 +26,18 @@ _FEWEST_TASKS = 2
 _POWER = 0.8
 
 
-def verdict(evidence: Evidence) -> Markup:
+def verdict(table: Table) -> Markup:
     """The section; what depends on the knobs carries an ``id`` that the page's script knows."""
-    table = evidence.table
     shared = _shared(table)
     return element(
         "section",
         element("h2", "Verdict"),
         element("p", sentence(table), id="verdict", class_="verdict", aria_live="polite"),
         element("p", how(table), id="how", class_="how"),
-        _pairs(evidence, shared),
+        _pairs(table, shared),
         _aggregates(shared) if shared else Markup(""),
         element("h3", "What this can and cannot show"),
-        element("ul", *(element("li", limit) for limit in limits(evidence, shared))),
+        element("ul", *(element("li", limit) for limit in limits(table, shared))),
         id="verdict-section",
     )
 
@@ -83,9 +82,8 @@ def tasks(count: int) -> str:
     return f"{count} {'task' if count == 1 else 'tasks'}"
 
 
-def limits(evidence: Evidence, shared: Compared | None) -> Iterator[Markup]:
+def limits(table: Table, shared: Compared | None) -> Iterator[Markup]:
     """What this design could not have shown, what was left out, which runs went wrong; the first follows the knobs."""
-    table = evidence.table
     design = [note.text for note in table.notes if note.label == "Design"]
     yield element("span", design[0] if design else REACHABLE, id="design")
     yield element("span", _smallest_effect(table))
@@ -146,15 +144,15 @@ def _shared(table: Table) -> Compared | None:
     return compared if len(compared.tasks) >= _FEWEST_TASKS else None
 
 
-def _pairs(evidence: Evidence, shared: Compared | None) -> Markup:
-    if not evidence.pairs:
+def _pairs(table: Table, shared: Compared | None) -> Markup:
+    counted = list(pair_counts(table))
+    if not counted:
         return Markup("")
     numbers = ["better", "worse", "undecided", "untested"]
     headings = ["Method", "against", *numbers, *(["P(better run)"] if shared else [])]
-    scope = evidence.competing(evidence.table.rule.scope)
+    scope = in_scope(table)
     rows = []
-    for index in range(len(evidence.pairs)):
-        counts = evidence.count(index)
+    for index, counts in enumerate(counted):
         one, two = counts.first, counts.second
         cells = [element("td", str(getattr(counts, name)), class_="number", data_count=name) for name in numbers]
         if shared:
@@ -167,7 +165,7 @@ def _pairs(evidence: Evidence, shared: Compared | None) -> Markup:
                 element("td", name_of(two.label)),
                 *cells,
                 data_pair=str(index),
-                hidden=not {one, two} <= set(scope),
+                hidden=not {one, two} <= scope,
             )
         )
     improvement = (
@@ -192,7 +190,7 @@ def _pairs(evidence: Evidence, shared: Compared | None) -> Markup:
         element(
             "p",
             "Tasks on which the first method is better or worse than the second: ",
-            element("span", pairs_how(evidence.table.rule), id="pairs-how"),
+            element("span", pairs_how(table.rule), id="pairs-how"),
             improvement,
             class_="caption",
         ),

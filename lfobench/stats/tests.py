@@ -187,8 +187,11 @@ FROM_SUMMARIES: frozenset[Test] = frozenset({"welch", "student"})
 """Tests that need no more than n, mean and standard deviation, as published tables give them."""
 
 
+@lru_cache(maxsize=65_536)
 def p_value(test: HighlightTest, first: Sample, second: Sample) -> float | None:
     """Two-sided p-value of `test`; None where a side has fewer than two scores, so nothing can be tested.
+
+    Remembered, because a page decides one table under many rules, and a relabelling test takes a while.
 
     Raises:
         ValueError: the test needs scores or counts that a sample lacks, or start states that the two do not share.

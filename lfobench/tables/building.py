@@ -20,7 +20,7 @@ from lfobench.tables.comparable import (
     in_order,
 )
 from lfobench.tables.counting import check_counts, scores_are_success_rates, successes_of
-from lfobench.tables.footnote import footnote
+from lfobench.tables.footnote import footnote, highlight_notes, seeds_note
 from lfobench.tables.table import Block, Cell, Column, Row, Table, competes
 from lfobench.text import counted
 
@@ -93,6 +93,33 @@ def build_table(
         success_rates=statistic == SUCCESS_RATE or scores_are_success_rates(records),
     )
     return replace(table, notes=footnote(table, columns))
+
+
+def decided(table: Table, rule: Rule) -> Table:
+    """The same cells under another rule: highlights, outcomes, and the notes that speak of them, and no other notes.
+
+    Raises:
+        UserError: the rule's test cannot be made of these cells.
+    """
+    before = [row for _, row in table.rows()]
+    here = {column for column in table.columns if column.run_here}
+    by_column = {
+        row.task: {column: cell for column, cell in zip(table.columns, row.cells, strict=True) if cell is not None}
+        for row in before
+    }
+
+    def part(ours: bool) -> dict[str, Cells]:
+        return {
+            task: {column: cell for column, cell in row.items() if (column in here) is ours}
+            for task, row in by_column.items()
+        }
+
+    rows = iter(_rows(part(True), rule, part(False), table.columns))
+    blocks = tuple(
+        replace(block, rows=tuple(replace(next(rows), label=row.label) for row in block.rows)) for block in table.blocks
+    )
+    again = replace(table, blocks=blocks, rule=rule)
+    return replace(again, notes=(*highlight_notes(again), seeds_note(again)))
 
 
 def _in_order(names: Sequence[str], order: Sequence[str]) -> list[str]:
