@@ -27,13 +27,20 @@ def _described(command: Any, name: str) -> Iterator[str]:
             yield from _described(below, f"{name} {each}")
         return
     yield f"## {name}\n"
+    given = [_argument(each) for each in command.params if each.param_type_name == "argument"]
+    yield f"`{' '.join([name, *given, '[OPTIONS]'])}`\n"
     yield re.sub(r"Example: (.*)", r"`\1`", command.help or "") + "\n"
     options = [each for each in command.params if each.name != "help" and not getattr(each, "hidden", False)]
     if options:
         yield "| option | | default |\n| --- | --- | --- |"
     for each in options:
-        names = ", ".join(f"`{spelling}`" for spelling in (*each.opts, *each.secondary_opts))
+        spelled = [_argument(each)] if each.param_type_name == "argument" else [*each.opts, *each.secondary_opts]
+        names = ", ".join(f"`{spelling}`" for spelling in spelled)
         text = " ".join((getattr(each, "help", None) or "").split())
         default = "" if each.default in (None, False, ...) or callable(each.default) else f"`{each.default}`"
         yield "| " + " | ".join(part.replace("|", "\\|") for part in (names, text, default)) + " |"
     yield ""
+
+
+def _argument(parameter: Any) -> str:
+    return str(parameter.metavar or parameter.name).upper()
