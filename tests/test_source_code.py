@@ -204,6 +204,7 @@ HELPED = method_source().replace("0.1 *", "RATE * scale(Half) *") + dedent("""
 """)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "edit",
     [
@@ -246,6 +247,7 @@ USING = method_source().replace(
 """)
 
 
+@pytest.mark.slow
 def test_values_and_decorated_functions_of_the_session_count(tmp_path: Path) -> None:
     (tmp_path / "helper.py").write_text("def loss(*_): return 1.0", encoding="utf-8")
     edits = {
@@ -279,6 +281,7 @@ for source in {sources!r}:
     assert len(set(lines[0])) == 1 + len(edits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "used",
     ["from helper import loss", "import helper as loss", "from helper import RATE, loss", "from helper import *"],
@@ -298,6 +301,7 @@ def test_files_that_a_session_imports_from_count(used: str, tmp_path: Path) -> N
         assert typed(source, tmp_path) != before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "kind"), [("object()", "object"), ("torch.zeros(3)", "Tensor"), ("[torch.nn.Linear(1, 1)]", "Linear")]
 )

@@ -445,9 +445,7 @@ def test_a_suite_whose_simulator_does_not_exist(tmp_path: Path, lfobench_command
     assert_refused(lfobench_command("data", "build", suite, *chosen), "cannot be made", "InvertedPendulumm")
 
 
-def test_a_plan_with_data_that_cannot_be_made_says_that_nothing_trains(
-    tmp_path: Path, lfobench_command: InProcess
-) -> None:
+def test_data_that_cannot_be_made_is_one_line_and_nothing_trains(tmp_path: Path, lfobench_command: InProcess) -> None:
     suite = tmp_path / "half.py"
     source = (
         Path(TINY)
@@ -461,7 +459,7 @@ def test_a_plan_with_data_that_cannot_be_made_says_that_nothing_trains(
     run = ("run", "--methods", "bc", "--suite", suite, "--protocol", "smoke", "--seeds", "0", "--workers", "1")
     outcome = lfobench_command(*run, "--out", tmp_path / "runs")
     assert outcome.code == 2
-    assert "Nothing trains until all data is made: mend it, or leave the task out with --tasks." in outcome.err
+    assert "pole-medium-expert cannot be made: AssertionError: no arm" in outcome.err
     assert lfobench_command(*run, "--out", tmp_path / "runs", "--tasks", "pole-random-expert").code == 0
 
 
@@ -564,13 +562,13 @@ def test_every_command_has_an_example(path: tuple[str, ...], lfobench_command: I
 
 def test_help_lists_every_command(lfobench_command: InProcess) -> None:
     text = lfobench_command("--help").out
-    assert {path[0] for path in command_paths()} == {"ls", "show", "data", "run", "status", "why", "table", "bench"} | {
+    assert {path[0] for path in command_paths()} == {"ls", "show", "data", "run", "status", "why", "table"} | {
         "plot",
         "compare",
         "audit",
         "check",
         "new",
-        "plan",
+        "power",
         "report",
         "tune",
         "video",

@@ -85,6 +85,7 @@ def listed(command: InProcess, suite: Path) -> dict[str, dict[str, object]]:
     return {row["file"]: row for row in rows}
 
 
+@pytest.mark.slow
 def test_from_the_host_to_the_table_and_back(tmp_path: Path, suite: Path, lfobench_command: InProcess) -> None:
     run = training(suite, tmp_path / "runs")
     planned = lfobench_command(*run, "--dry-run")
@@ -185,6 +186,7 @@ def test_a_file_that_changed_is_not_trained_on(
     )
 
 
+@pytest.mark.slow
 def test_own_files_in_a_suite_file_and_on_the_command_line(
     suite: Path, published: Path, tmp_path: Path, lfobench_command: InProcess
 ) -> None:

@@ -78,6 +78,7 @@ def wait_for_the_moment(running: subprocess.Popen[bytes], out: Path, choice: ran
     return running.poll() is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("workers", "kills", "builds"), [(1, 15, True), (2, 5, False)], ids=["in-this-process", "in-a-pool"]
 )
@@ -176,6 +177,7 @@ def sitting(out: Path, cache: Path, groups: list[tuple[int, ...]], updates: int,
         os._exit(1)
 
 
+@pytest.mark.slow
 def test_a_hundred_kills_cost_no_more_than_their_intervals(tmp_path: Path, shared_cache: Path) -> None:
     """However the seeds are grouped each time: a run's checkpoint is its own."""
     choice = random.Random(14)

@@ -130,6 +130,7 @@ def test_learning_curves_rest_on_fewer_starts_and_say_so(tmp_path: Path, lfobenc
         assert "alone" not in other.caption
 
 
+@pytest.mark.slow
 def test_a_statistic_or_a_test_of_scores_is_taken_by_every_view(tmp_path: Path, lfobench_command: InProcess) -> None:
     """`--test welch` compares the seeds' success rates, from all starts; `--stat last5` scores."""
     out = write_records(tmp_path / "runs", counting())

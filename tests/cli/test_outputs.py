@@ -111,6 +111,7 @@ def test_numbers_of_a_trillion_are_short(name: str, lfobench_command: InProcess)
     assert not LONG.search(text)
 
 
+@pytest.mark.slow
 def test_whatever_provenance_claims_is_no_number(lfobench_command: InProcess) -> None:
     records = [
         with_provenance(record, demonstration_score=value, seconds={"train": value, "evaluate": 1e308})
@@ -192,6 +193,7 @@ def folder() -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", [*VIEWS, ("ls", "methods"), ("audit", "dilo-2024"), ("--help",)], ids=str)
 def test_ascii_and_narrow_terminals_read_every_view(view: tuple[str, ...], folder: Path) -> None:
     names = {"A": "dilo", "B": "bc"}
@@ -234,6 +236,7 @@ def _into_closed(command: list[str]) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("view", [("table",), ("table", "--format", "csv"), ("status", "--json"), ("--help",)], ids=str)
 @pytest.mark.parametrize("into", [_into_full, _into_closed])

@@ -38,7 +38,9 @@ def test_help_loads_nothing_heavy() -> None:
         "    sys.argv = ['lfobench', *command, '--help']\n"
         "    try:\n        main()\n"
         "    except SystemExit as ended:\n        assert not ended.code\n"
-        f"print('loaded:', [name for name in {HEAVY!r} if name in sys.modules])"
+        "from lfobench import lazy_torch\n"
+        f"heavy = [name for name in {HEAVY!r} if name in sys.modules]\n"
+        "print('loaded:', [name for name in heavy if name != 'torch' or lazy_torch.is_loaded()])"
     )
     assert "loaded: []" in process([sys.executable, "-c", script]).out
 
@@ -89,6 +91,7 @@ def test_a_folder_with_our_names_does_not_matter(command: list[str], hostile_fol
     assert {"dilo", "bc"} <= {row["name"] for row in json.loads(outcome.out)}
 
 
+@pytest.mark.slow
 def test_a_plug_in_runs_in_a_pool_in_a_hostile_folder(hostile_folder: Path, plug_in: Path, shared_cache: Path) -> None:
     """Its method and suite stand beside the built-in ones; worker processes find them too."""
     env = {"PYTHONPATH": str(plug_in), "LFOBENCH_CACHE": str(shared_cache)}
@@ -114,6 +117,7 @@ def test_a_plug_in_is_listed(safe_path: str, plug_in: Path) -> None:
     assert "drifting" in {row["name"] for row in json.loads(outcome.out)}
 
 
+@pytest.mark.slow
 def test_a_plug_in_that_cannot_be_imported_is_named(plug_in: Path) -> None:
     (plug_in / "somebody" / "theirs.py").write_text("import nothing_of_that_name", encoding="utf-8")
     env = {"PYTHONPATH": str(plug_in)}
@@ -187,6 +191,7 @@ def interrupt_when(
     return subprocess.CompletedProcess(list(command), running.returncode, out, err)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("workers", "number"),
     [(1, signal.SIGINT), (2, signal.SIGINT), (2, signal.SIGHUP), (1, signal.SIGTERM)],
@@ -218,6 +223,7 @@ def test_interrupted_and_continued(workers: int, number: signal.Signals, tmp_pat
         assert found.measured() == expected.measured()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_an_interrupted_build_stops_and_leaves_whole_shards(workers: int, tmp_path: Path) -> None:
     suite = tmp_path / "large.py"
@@ -258,6 +264,7 @@ def at_once(command: Sequence[str], cache: Path) -> list[Outcome]:
     return [Outcome(each.returncode, out, err) for each, (out, err) in zip(running, ended, strict=True)]
 
 
+@pytest.mark.slow
 def test_two_commands_on_one_folder_train_nothing_twice(tmp_path: Path, shared_cache: Path) -> None:
     """Both end when everything is there; each run is reported by whoever trained it."""
     out, seeds = tmp_path / "runs", range(6)
@@ -273,6 +280,7 @@ def test_two_commands_on_one_folder_train_nothing_twice(tmp_path: Path, shared_c
     assert list((out / "checkpoints").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_two_commands_may_build_the_same_data(tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     command = arguments("data", "build", TINY, *TASK, "--workers", 2)

@@ -98,6 +98,7 @@ def test_what_nothing_can_be_learned_from_exits_with_1(tmp_path: Path, lfobench_
     assert outcome.code == 1 and "Nothing can be learned from it" in outcome.out
 
 
+@pytest.mark.slow
 def test_a_run_reads_chosen_keys(tmp_path: Path, lfobench_command: InProcess) -> None:
     episodes = make_episodes([40] * 30, [False] * 30, observation=4, action=1)
     file, folder = write_minari(tmp_path / "file.hdf5", episodes), write_npz_folder(tmp_path / "folder", episodes)

@@ -21,6 +21,7 @@ def of(task: str, *methods: str) -> tuple[str, ...]:
     return ("--methods", ",".join(methods or ("bc",)), "--suite", OWN, "--tasks", task, "--protocol", "smoke")
 
 
+@pytest.mark.slow
 def test_a_box_is_named_in_plan_record_and_footnote(
     tmp_path: Path, shared_cache: Path, lfobench_command: InProcess
 ) -> None:
@@ -120,6 +121,7 @@ def own_recipes(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_every_method_sees_the_same_demonstrations_of_own_files(
     tmp_path: Path, own_recipes: Path, lfobench_command: InProcess
 ) -> None:

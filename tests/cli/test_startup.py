@@ -24,6 +24,7 @@ assert not lazy_torch.is_loaded()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -82,6 +82,7 @@ def test_a_longer_draw_starts_with_the_shorter(
     assert torch.equal(randomness.words(purpose, step, long)[:, :short], randomness.words(purpose, step, short))
 
 
+@pytest.mark.slow
 @given(seeds, purposes, steps, counts)
 def test_a_seed_draws_the_same_alone_and_beside_others(seeds: list[int], purpose: str, step: int, count: int) -> None:
     together = Randomness(seeds)

@@ -211,6 +211,7 @@ def test_same_seed_same_fingerprint(tmp_path: Path, cache: PartCache) -> None:
     assert cache.read(0, REBUILD)[1] != cache.read(1, REBUILD)[1], "shards are drawn independently"
 
 
+@pytest.mark.slow
 def test_hopper_is_reproducible(tmp_path: Path) -> None:
     """Built in this process and in a fresh one."""
     levels: tuple[Level, ...] = ("random", "expert")

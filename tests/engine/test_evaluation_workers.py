@@ -76,6 +76,7 @@ def workers(request: pytest.FixtureRequest) -> Iterator[EvaluationWorkers]:
     pool.close()
 
 
+@pytest.mark.slow
 def test_workers_are_this_process_and_the_plain_loop(workers: EvaluationWorkers) -> None:
     method = fresh()
     workers.submit(40, snapshot(method))
@@ -169,6 +170,7 @@ def assert_gone(processes: list[int]) -> None:
             os.kill(process, 0)
 
 
+@pytest.mark.slow
 def test_a_bug_in_a_worker_is_raised_here() -> None:
     pool = EvaluationWorkers(cell_of(Fragile), POLE, POLE_SHAPES, [0], 1)
     processes = started(pool, drifting(1))

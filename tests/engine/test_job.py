@@ -47,6 +47,7 @@ def hopper_cell(name: str) -> Cell:
 # --- seeds -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", method_names())
 def test_seed_three_alone_is_seed_three_among_seven(name: str, tmp_path: Path, shared_cache: Path) -> None:
     """Decision 1's guarantee, through the whole engine, on the real simulator."""
@@ -60,6 +61,7 @@ def test_seed_three_alone_is_seed_three_among_seven(name: str, tmp_path: Path, s
     assert len({tuple(row) for row in returns}) > 1, "seeds differ"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dilo", "smodice"])
 def test_order_and_company_of_seeds_do_not_matter(name: str, tmp_path: Path, shared_cache: Path) -> None:
     one = make_job(smoke_cell(name), [5, 0, 9], tmp_path / "one", shared_cache)
@@ -204,6 +206,7 @@ def finish_in_sittings(job: Job, stops: list[int]) -> int:
     return sittings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", method_names())
 def test_stopping_and_resuming_changes_nothing(name: str, tmp_path: Path, shared_cache: Path) -> None:
     """Every stage is cut several times, at evaluations and between them, and right at the start."""
@@ -214,6 +217,7 @@ def test_stopping_and_resuming_changes_nothing(name: str, tmp_path: Path, shared
     assert measured(broken) == measured(straight)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stops", [[1], [10], [46]])
 def test_stopping_anywhere_changes_nothing(stops: list[int], tmp_path: Path, shared_cache: Path) -> None:
     straight = make_job(cell_of(Drifting), [0, 4], tmp_path / "straight", shared_cache)

@@ -76,6 +76,7 @@ def same(one: dict[str, Tensor], two: dict[str, Tensor]) -> bool:
     return one.keys() == two.keys() and all(torch.equal(one[name], two[name]) for name in one)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["released", "paper"])
 @pytest.mark.parametrize("name", METHODS)
 def test_recorded_steps_end_where_eager_ones_do(name: str, preset: str) -> None:
@@ -93,6 +94,7 @@ def test_recorded_steps_end_where_eager_ones_do(name: str, preset: str) -> None:
     assert same(live_tensors(eager[-1].method), live_tensors(recorded[-1].method))  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_a_program_may_begin_anywhere_and_its_metrics_start_anew() -> None:
     method, view = made("smodice", "released")
     twin, _ = made("smodice", "released")

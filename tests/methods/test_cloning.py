@@ -143,6 +143,7 @@ def test_inverse_dynamics_stage_draws_as_many_rows_as_its_epochs_hold() -> None:
     assert (policy.steps, policy.offline_batch, policy.expert_batch) == (None, 0, 1024)
 
 
+@pytest.mark.slow
 def test_bco_recovers_the_expert_where_the_next_state_tells_the_action() -> None:
     """s' = s + a: the label of an expert pair is its displacement, and cloning it is the expert."""
     seeds, shapes = (0, 1), Shapes(2, 2)

@@ -142,6 +142,7 @@ def test_neither_chance_nor_the_behaviour_nor_a_clone_of_the_mix_comes_near_the_
         assert distance_to_expert(policy) > 5.0 * BOUND
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "objective", [{}, {"conservatism": None, "policy": "gaussian"}], ids=["released", "paper-objective"]
 )
@@ -150,6 +151,7 @@ def test_dilo_recovers_the_experts_visitation(objective: dict[str, Any]) -> None
     assert max(distances) < BOUND, distances
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frozen", [True, False], ids=["released", "repaired"])
 def test_smodice_recovers_the_experts_visitation(frozen: bool) -> None:
     settings = {**COMMON, **DISCRIMINATOR, "batch_size": 256, "learning_rate": 1e-3, "freeze_first_layer": frozen}
@@ -159,6 +161,7 @@ def test_smodice_recovers_the_experts_visitation(frozen: bool) -> None:
     assert max(distances) < BOUND, distances
 
 
+@pytest.mark.slow
 def test_oril_recovers_the_experts_visitation() -> None:
     settings = {**COMMON, **DISCRIMINATOR, "learning_rate": 3e-3, "target_rate": 0.05}
     distances = [distance_to_expert(policy) for policy in trained_policies("oril", 800, **settings)]

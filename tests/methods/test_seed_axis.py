@@ -76,6 +76,7 @@ def assert_same_seed(among: Trained, alone: Trained, seeds: Sequence[int], width
         assert torch.equal(many_actions[place], one_action[0]), f"actions for {rows} observations"
 
 
+@pytest.mark.slow
 @methods
 @presets
 def test_a_seed_alone_equals_the_same_seed_among_seven(name: str, preset: PresetName) -> None:
@@ -118,6 +119,7 @@ def test_no_width_of_a_vector_or_layer_breaks_this(name: str, shapes: Shapes, hi
     assert_same_seed(among, alone, seeds, shapes.observation)
 
 
+@pytest.mark.slow
 @methods
 def test_a_seed_alone_equals_the_same_seed_among_seven_at_full_size(name: str) -> None:
     """Released widths and batches, and 1000 expert rows, whose passes of the discriminator end in 232 rows.

@@ -52,6 +52,7 @@ def drawn(kind: str, records: list[Record]) -> PaperFigure:
     return draw(kind, build_table(measured), measured)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", PLOTS)
 def test_equal_records_give_equal_bytes_and_names_as_they_are_written(kind: str) -> None:
     records = [

@@ -298,6 +298,7 @@ def test_a_useless_index_is_rebuilt(folder: Path, damage: Callable[[Path], None]
     assert len(read_index(folder)) == 4
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.data())
 def test_no_damage_to_an_index_changes_a_frame(data: st.DataObject) -> None:

@@ -321,6 +321,7 @@ def nested(levels: int) -> Any:
     return value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "value", "cause"),
     [

@@ -39,6 +39,7 @@ def outcomes(events: Sequence[Event]) -> dict[int, str]:
     return {index: ended.outcome for index, ended in endings(events).items()}
 
 
+@pytest.mark.slow
 def test_pool_and_local_leave_the_same_records(tmp_path: Path, shared_cache: Path) -> None:
     def jobs(out: str) -> list[Job]:
         return [
@@ -54,6 +55,7 @@ def test_pool_and_local_leave_the_same_records(tmp_path: Path, shared_cache: Pat
         assert [record.measured() for record in records_of(here)] == [record.measured() for record in records_of(there)]
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_fails_its_own_job_only(tmp_path: Path, shared_cache: Path) -> None:
     """More jobs than workers: the dead worker is replaced."""
     marker = tmp_path / "die"
@@ -128,6 +130,7 @@ def crawl(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
         yield Advance("crawling", 0, 1, None)
 
 
+@pytest.mark.slow
 def test_a_stop_reaches_every_worker_and_nothing_stays_behind(tmp_path: Path, shared_cache: Path) -> None:
     jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1, 2)]
     seen: set[int] = set()
@@ -156,6 +159,7 @@ def dawdle(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
         yield Advance("dawdling", 0, 1, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("work", [crawl, dawdle])
 def test_whoever_stops_listening_leaves_no_process(
     work: RunJob, tmp_path: Path, shared_cache: Path, capfd: pytest.CaptureFixture[str]
@@ -179,6 +183,7 @@ def leave(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
     yield Advance("staying", 1, 1, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [None, 2])
 def test_a_method_that_exits_ends_its_own_job_only(workers: int | None, tmp_path: Path, shared_cache: Path) -> None:
     jobs = [make_job(cell_of(Drifting, SMOKE), [seed], tmp_path, shared_cache) for seed in (0, 1)]
@@ -191,6 +196,7 @@ def report(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded]:
     yield Advance("reporting", 1, 1, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dead", "outcome"), [({1}, "done"), ({1, 2}, "failed")])
 def test_a_worker_that_dies_between_two_jobs_is_replaced_once(
     dead: set[int], outcome: str, tmp_path: Path, shared_cache: Path, monkeypatch: pytest.MonkeyPatch

@@ -137,6 +137,7 @@ def reference_interval(statistic: Callable[[list[Any]], float], tasks: list[list
     return Interval(*np.quantile(drawn, [0.025, 0.975]), level=0.95)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("aggregate", "plain"),
     [

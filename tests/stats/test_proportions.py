@@ -27,6 +27,7 @@ def test_the_wilson_interval_agrees_with_scipy(count: tuple[int, int], level: fl
     assert (interval.low, interval.high) == pytest.approx((expected.low, expected.high), rel=1e-10, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(counts)
 def test_the_wilson_interval_contains_the_rate_and_mirrors(count: tuple[int, int]) -> None:
     successes, trials = count

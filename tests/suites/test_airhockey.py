@@ -91,6 +91,7 @@ def test_the_expert_data_is_counted_as_in_the_paper(suite: Suite, task: Task) ->
         assert recipe.offline_trajectories == 50
 
 
+@pytest.mark.slow
 @each
 def test_there_are_enough_offline_recordings_for_an_equal_share(task: Task) -> None:
     recipe = recipe_of(task)

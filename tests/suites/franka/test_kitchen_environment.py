@@ -141,6 +141,7 @@ def test_an_unknown_variant_or_layout_is_refused(arguments: dict[str, Any]) -> N
         Kitchen(**arguments)
 
 
+@pytest.mark.slow
 def test_the_simulator_is_imported_late_and_says_nothing() -> None:
     program = (
         "import sys, suites.kitchen, suites.franka.registration as r\n"

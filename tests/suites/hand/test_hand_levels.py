@@ -139,6 +139,7 @@ def test_cards_say_what_the_weights_are(name: str, kind: str) -> None:
         assert card["levels"]["sampled"]["score_mean"] < read_card(name, "expert")["levels"]["sampled"]["score_mean"]
 
 
+@pytest.mark.slow
 def test_the_levels_are_in_order() -> None:
     """Few episodes of door, whose levels lie far apart."""
     expert, scripted = (act_out(DOOR, demonstrator("door", level).act, range(6)) for level in ("expert", "scripted"))

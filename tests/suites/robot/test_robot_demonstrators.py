@@ -50,6 +50,7 @@ def speeds(track: Array) -> Array:
     return metres * float(constants.CONTROL_RATE)
 
 
+@pytest.mark.slow
 @every
 def test_success_is_within_the_bar(environment: str, level: str) -> None:
     rate = float((take(environment, level).outcomes == SUCCESS).mean())
@@ -222,6 +223,7 @@ def test_an_unknown_name_is_an_error_with_that_name() -> None:
         demonstrator("puck-striking", "hand")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", ["expert", "suboptimal"])
 def test_recordings_are_judged_by_the_tasks_own_score(level: str) -> None:
     """The same play: whoever hits has touched, and some only touch."""
