@@ -30,7 +30,7 @@ from lfobench.contract.suite import Suite
 from lfobench.errors import UserError, cause, unknown_name
 from lfobench.python_files import forget, load_file
 from lfobench.record import Warning
-from lfobench.shipped import put_first
+from lfobench.shipped import is_shipped, put_first, replaced
 from lfobench.source_code import code_of, edited_since, ships
 
 METHODS = "lfobench.methods"
@@ -103,6 +103,7 @@ def give_method(method: object, where: str) -> type[Method]:
         UserError: it is no complete method, or has the name of a registered one.
     """
     checked = checked_method(method, where)
+    _check_not_replaced(checked.__module__, f"Method {where}")
     if checked.name in _points(METHODS):
         registered = _registered_method(checked.name)
         if registered is checked:
@@ -329,7 +330,22 @@ def _only(group: str, kind: str, name: str) -> EntryPoint:
     return point
 
 
+def _check_not_replaced(module: str, where: str) -> None:
+    """Refuse to guess where a program imported a file of its own by the name of one of ours.
+
+    Raises:
+        UserError: naming the file.
+    """
+    others = replaced(module.partition(".")[0]) if is_shipped(module) else {}
+    for name, file in others.items():
+        raise UserError(
+            f"{where} cannot be used: {name} is a module of lfobench, and this program imported {file} by that name.",
+            "Rename the file.",
+        )
+
+
 def _load(point: EntryPoint) -> object:
+    _check_not_replaced(point.module, f"'{point.name}' ({point.value})")
     try:
         loaded: object = point.load()
     except (Exception, SystemExit) as error:

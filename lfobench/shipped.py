@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.machinery import ModuleSpec
+from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -24,10 +24,9 @@ class _ShippedFirst:
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        if fullname not in PACKAGES or not (HOME / fullname / "__init__.py").is_file():
+        if fullname not in PACKAGES or not _start(fullname).is_file():
             return None
-        start = HOME / fullname / "__init__.py"
-        return spec_from_file_location(fullname, start, submodule_search_locations=_folders(fullname))
+        return spec_from_file_location(fullname, _start(fullname), submodule_search_locations=_folders(fullname))
 
 
 def _folders(name: str) -> list[str]:
@@ -37,9 +36,41 @@ def _folders(name: str) -> list[str]:
 
 
 def put_first() -> None:
-    """Install the finder; packages of these names that were imported before get the wheel's folder first."""
+    """Install the finder; into packages of these names that were imported before, the wheel's come first."""
     if not any(isinstance(finder, _ShippedFirst) for finder in sys.meta_path):
         sys.meta_path.insert(0, _ShippedFirst())
     for name in PACKAGES:
-        if (module := sys.modules.get(name)) is not None:
-            module.__path__ = list(dict.fromkeys([*_folders(name), *getattr(module, "__path__", [])]))
+        if (module := sys.modules.get(name)) is None:
+            continue
+        before = list(getattr(module, "__path__", []))
+        module.__path__ = list(dict.fromkeys([*_folders(name), *before]))
+        if str(HOME / name) not in before and _start(name).is_file():
+            # Another package of this name, which stays the same object: importers of ours find our names in it.
+            SourceFileLoader(name, str(_start(name))).exec_module(module)
+
+
+def is_shipped(module: str) -> bool:
+    """Whether a dotted name is one of the wheel's modules, not one of a user's folder ``methods/`` or ``suites/``."""
+    top = module.partition(".")[0]
+    return top == "lfobench" or (top in PACKAGES and any(file.is_file() for file in _places(module)))
+
+
+def replaced(package: str) -> dict[str, str]:
+    """Modules of a package that ships, by name, in whose place another file was imported before, to that file."""
+    found = {}
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if file and name.startswith(f"{package}.") and is_shipped(name):
+            own = [place.resolve() for place in _places(name)]
+            if Path(file).resolve() not in own:
+                found[name] = str(file)
+    return found
+
+
+def _start(package: str) -> Path:
+    return HOME / package / "__init__.py"
+
+
+def _places(module: str) -> tuple[Path, Path]:
+    place = HOME.joinpath(*module.split("."))
+    return place / "__init__.py", place.with_name(f"{place.name}.py")

@@ -11,6 +11,7 @@ import re
 import sys
 from collections import deque
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import MISSING, is_dataclass
 from dataclasses import fields as dataclass_fields
 from dis import get_instructions
@@ -39,11 +40,8 @@ from pydantic_core import PydanticUndefined
 from lfobench.contract.method import Method
 from lfobench.errors import UserError
 from lfobench.python_files import PREFIX
-from lfobench.shipped import HOME, PACKAGES
+from lfobench.shipped import HOME, PACKAGES, is_shipped
 from lfobench.text import canonical_json, content_hash
-
-SHIPPED = frozenset({"lfobench", *PACKAGES})
-"""Top-level packages of this distribution, which no method's folder stands in for."""
 
 SESSION = "<session>"
 """In the place of a file's name: a class that was typed into an interactive session."""
@@ -71,7 +69,7 @@ _GENERATED = frozenset(
 
 def ships(method: type[Method]) -> bool:
     """Whether a method is one of lfobench's own."""
-    return _top(method) == "methods" and (_file(method) or Path()).parent == HOME / "methods"
+    return _top(method) == "methods" and (_file(method) or Path()).resolve().parent == HOME / "methods"
 
 
 def in_session(method: type[Method]) -> bool:
@@ -167,8 +165,14 @@ def _closure(first: Path, root: Path) -> dict[str, bytes]:
         for dotted in _imported(found[name], file.relative_to(root)) if file.suffix == ".py" else ():
             top = dotted[0]
             # Among installed packages, a neighbour is somebody else's.
-            if top == own or not (alone or top in SHIPPED or top in sys.stdlib_module_names):
+            if top == own:
                 waiting += _files(root, dotted)
+            elif not (alone or top == "lfobench" or top in sys.stdlib_module_names):
+                waiting += [
+                    each
+                    for each in _files(root, dotted)
+                    if top not in PACKAGES or not (HOME / each.relative_to(root)).is_file()
+                ]
     return found
 
 
@@ -327,22 +331,26 @@ def _neighbour(module: str | None, below: bool = False) -> Iterator[str]:
         below: whether the modules below it that are loaded count as well.
     """
     top = (module or "__main__").partition(".")[0]
-    if module is None or top == "__main__" or top in SHIPPED or top in sys.stdlib_module_names:
+    if module is None or top in ("__main__", "lfobench") or top in sys.stdlib_module_names:
         return
-    named = getattr(sys.modules.get(module), "__file__", None)
-    if module not in sys.modules:
-        try:
-            named = getattr(find_spec(module), "origin", None)
-        except (ImportError, AttributeError, ValueError):
-            named = None
-    file = Path(named or "").absolute()
-    if {"site-packages", "dist-packages"} & {*file.parts}:
-        return
-    if file.is_file():
-        yield from (f"file {name} {digest}" for name, digest in _hashes(module, file).items())
+    if not is_shipped(module):
+        file = _module_file(module)
+        if {"site-packages", "dist-packages"} & {*file.parts}:
+            return
+        if file.is_file():
+            yield from (f"file {name} {digest}" for name, digest in _hashes(module, file).items())
     if below:
         for name in sorted(name for name in sys.modules if name.startswith(f"{module}.")):
             yield from _neighbour(name)
+
+
+def _module_file(module: str) -> Path:
+    """File of a module, whether it is loaded or not; a folder where it has none."""
+    named = getattr(sys.modules.get(module), "__file__", None)
+    if module not in sys.modules:
+        with suppress(ImportError, AttributeError, ValueError):
+            named = getattr(find_spec(module), "origin", None)
+    return Path(named or "").absolute()
 
 
 def _is_set(cell: CellType) -> bool:

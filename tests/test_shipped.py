@@ -71,3 +71,52 @@ assert issubclass(mine, dilo)
     command = [sys.executable, "-P", "-c", program]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_a_command_finds_ours_in_a_folder_with_such_folders(tmp_path: Path) -> None:
+    for name in ("methods", "suites", "tools", "benchmarks"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("raise AssertionError('not this one')", encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    for what in ("methods", "suites"):
+        command = [sys.executable, "-m", "lfobench", "ls", what]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0 and "cannot be imported" not in done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_a_file_that_took_the_name_of_one_of_ours_is_named(tmp_path: Path) -> None:
+    (tmp_path / "methods").mkdir()
+    (tmp_path / "methods" / "__init__.py").touch()
+    taken = tmp_path / "methods" / "bc_expert.py"
+    taken.write_text('from methods.bc import Bc\n\n\nclass Mine(Bc):\n    name = "mine"\n', encoding="utf-8")
+    (tmp_path / "methods" / "bc.py").write_text((ROOT / "methods" / "bc.py").read_text("utf-8"), encoding="utf-8")
+    program = """
+from methods.bc_expert import Mine
+from lfobench.errors import UserError
+from lfobench.registry import give_method, load_method, load_suite
+load_suite("locomotion")
+for load in (lambda: load_method("bc"), lambda: give_method(Mine, "Mine")):
+    try:
+        load()
+    except UserError as error:
+        print(error.problem)
+"""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert [str(tmp_path / "methods") in line for line in done.stdout.splitlines()] == [True, True]
+
+
+@pytest.mark.slow
+def test_methods_imported_through_a_link_are_still_ours(tmp_path: Path) -> None:
+    """Their files are named by the link if they are imported before lfobench."""
+    (tmp_path / "link").symlink_to(ROOT, target_is_directory=True)
+    program = "from methods.dilo import Dilo\nfrom lfobench.source_code import code_of\nassert code_of(Dilo) == {}"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "link")}
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr

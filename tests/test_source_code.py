@@ -85,6 +85,12 @@ def test_an_edit_of_any_of_them_is_another_run(file: str, folder: Path) -> None:
     assert hash_of(folder / "mine.py") != before
 
 
+def test_a_folder_named_as_ours_counts_but_for_what_ours_has(tmp_path: Path) -> None:
+    later = "\ndef later():\n    from methods import bc, losses\n"
+    write(tmp_path, {"mine": method_source() + later, "methods/__init__": "", "methods/bc": "", "methods/losses": ""})
+    assert set(code_of(load_method(str(tmp_path / "mine.py")))) == {"mine.py", "methods/losses.py"}
+
+
 def test_an_edit_of_anything_else_is_not(folder: Path) -> None:
     before = hash_of(folder / "mine.py")
     for file in ("inner/unused.py", "stranger.py", "json.py"):
@@ -299,6 +305,20 @@ def test_files_that_a_session_imports_from_count(used: str, tmp_path: Path) -> N
     for name, text in files.items():
         write(tmp_path, files | {name: text.replace("return ", "return 2 * ")})
         assert typed(source, tmp_path) != before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("used", "call"), [("from methods.helper import loss", "loss"), ("import methods.helper", "methods.helper.loss")]
+)
+def test_files_that_a_session_imports_from_a_folder_named_as_ours_count(used: str, call: str, tmp_path: Path) -> None:
+    source = method_source().replace("0.1 *", f"{call} and 0.1 *") + f"\n{used}\n"
+    write(tmp_path, {"methods/helper": "def loss(x): return x\n"})
+    before = typed(source, tmp_path)
+    write(tmp_path, {"methods/bc": "raise AssertionError('not this one')"})
+    assert typed(source, tmp_path) == before
+    write(tmp_path, {"methods/helper": "def loss(x): return 2 * x\n"})
+    assert typed(source, tmp_path) != before
 
 
 @pytest.mark.slow
