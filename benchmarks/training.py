@@ -144,7 +144,7 @@ class SeedsTogether:
 
 @dataclass(frozen=True)
 class Bench:
-    """Where and how training steps are measured.
+    """Device, effort and data of a measurement of training steps.
 
     Attributes:
         device: where the steps run.

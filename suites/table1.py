@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from lfobench.contract.suite import Demonstrator, Level, Operator, Suite
+from lfobench.contract.suite import Demonstrator, Level, ScriptedDemonstrator, Suite
 from suites import adroit, kitchen, locomotion
 
 _MAKERS = {
@@ -15,7 +15,7 @@ _MAKERS = {
 }
 
 
-def demonstrator(environment: str, level: Level) -> Demonstrator | Operator:
+def demonstrator(environment: str, level: Level) -> Demonstrator | ScriptedDemonstrator:
     """The demonstrator of the suite that has the environment."""
     maker = _MAKERS[environment]
     assert maker is not None, "all three suites can be generated"

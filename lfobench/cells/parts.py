@@ -8,7 +8,7 @@ from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from lfobench.contract.suite import DataFile, Environment, Level, Operator, Recipe, Suite, Task
+from lfobench.contract.suite import DataFile, Environment, Level, Recipe, ScriptedDemonstrator, Suite, Task
 from lfobench.errors import UserError
 from lfobench.text import content_hash
 
@@ -103,8 +103,8 @@ class PartSpecification:
         seed: of the part.
         shard_transitions: of a part that is made to any length, in shards.
         format: of its files.
-        episodes: of a part that an operator records, in one shard; it decides its episodes by itself, so neither the
-            environment's registration nor how it scores is part of the identity.
+        episodes: of a part that a scripted demonstrator records, in one shard; it decides its episodes by itself, so
+            neither the environment's registration nor how it scores is part of the identity.
     """
 
     environment: Environment
@@ -171,7 +171,13 @@ class PartRequest:
 
 
 def specification(suite: Suite, task: Task, level: Level, episodes: int | None = None) -> PartSpecification:
-    """The generated part of a task's environment at one level; `episodes` of it where an operator records it.
+    """The generated part of a task's environment at one level.
+
+    Args:
+        suite: has the demonstrator.
+        task: has the environment.
+        level: of the demonstrator.
+        episodes: how many a scripted demonstrator records; None of a policy.
 
     Raises:
         UserError: when the suite's demonstrator cannot be had.
@@ -189,13 +195,14 @@ def specification(suite: Suite, task: Task, level: Level, episodes: int | None =
     except (Exception, SystemExit) as error:
         raise UserError(
             f"The {level} demonstrator of {task.environment.name} failed: {type(error).__name__}: {error}.",
-            f"Mend the demonstrator of suite '{suite.name}'.",
+            f"Fix the demonstrator of suite '{suite.name}'.",
         ) from error
-    if isinstance(maker, Operator) != (episodes is not None):
+    if isinstance(maker, ScriptedDemonstrator) != (episodes is not None):
+        kind = "a scripted demonstrator" if episodes is None else "a policy"
         raise UserError(
-            f"The {level} part of {task.name} is made by {'an operator' if episodes is None else 'a policy'}, "
+            f"The {level} part of {task.name} is made by {kind}, "
             f"and its recipe counts {'transitions' if episodes is None else 'trajectories'}.",
-            f"Mend suite '{suite.name}': a Recipe of offline_trajectories goes with operators, one of "
+            f"Fix suite '{suite.name}': a Recipe of offline_trajectories goes with scripted demonstrators, one of "
             "offline_transitions with policies.",
         )
     return PartSpecification(

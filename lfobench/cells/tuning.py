@@ -223,7 +223,7 @@ def _with_values(cell: Cell, values: Mapping[str, Any], where: str) -> Cell:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         problem = f"{where} has {place} = {first['input']!r}: {first['msg'].lower()}."
-        raise UserError(problem, "Mend the value.") from error
+        raise UserError(problem, "Fix the value.") from error
     plain = config.model_dump(mode="json")
     return replace(
         cell,

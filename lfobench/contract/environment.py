@@ -255,7 +255,7 @@ def _spaces(identifier: str, arguments: str) -> Spaces:
     except (Exception, SystemExit) as error:
         raise UserError(
             f"The environment '{identifier}' cannot be made: {type(error).__name__}: {error}.",
-            "Mend it, or its arguments in the suite.",
+            "Fix it, or its arguments in the suite.",
         ) from error
     observations, actions = simulator.observation_space, simulator.action_space
     simulator.close()

@@ -21,8 +21,8 @@ __all__ = [
     "Files",
     "FloatArray",
     "Level",
-    "Operator",
     "Recipe",
+    "ScriptedDemonstrator",
     "Settings",
     "Suite",
     "Task",
@@ -337,8 +337,8 @@ class Demonstrator(Protocol):
 
 
 @runtime_checkable
-class Operator(Protocol):
-    """Records whole episodes by itself, with starts, a pace and mistakes of its own."""
+class ScriptedDemonstrator(Protocol):
+    """A demonstrator that records whole episodes, with starts, a pace and mistakes of its own."""
 
     @property
     def fingerprint(self) -> str:
@@ -346,7 +346,7 @@ class Operator(Protocol):
         ...
 
     def record(self, episodes: int, generator: np.random.Generator) -> Episodes:
-        """That many episodes, in the environment's units.
+        """Recordings of `episodes` episodes, in the environment's units.
 
         Where nothing was commanded (a hand-held object), their actions are NaN.
         """
@@ -426,8 +426,8 @@ class Suite:
         name: what ``--suite`` takes.
         summary: one line for ``lfobench ls suites``.
         tasks: in table order.
-        demonstrator: environment name and level to the policy, or the operator, that makes the data; None where
-            nothing of it can be generated.
+        demonstrator: environment name and level to the policy, or the scripted demonstrator, that makes the data; None
+            where nothing of it can be generated.
         generation_seeds: environment name to the seed of its generated data; 0 where not named.
         scene: environment name to what a top view of it shows; None where there is nothing to be seen from above.
     """
@@ -435,7 +435,7 @@ class Suite:
     name: str
     summary: str
     tasks: tuple[Task, ...]
-    demonstrator: Callable[[str, Level], Demonstrator | Operator] | None
+    demonstrator: Callable[[str, Level], Demonstrator | ScriptedDemonstrator] | None
     generation_seeds: Mapping[str, int] = field(default_factory=dict)
     scene: Callable[[str], Scene] | None = None
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from lfobench.cells.parts import FilePart, PartRequest, PartSpecification, specification
 from lfobench.contract.episodes import Episodes, FloatArray
-from lfobench.contract.suite import Demonstrator, Environment, Level, Operator
+from lfobench.contract.suite import Demonstrator, Environment, Level, ScriptedDemonstrator
 from lfobench.data.cache import PartCache
 from lfobench.data.isolated import import_file
 from lfobench.errors import UserError
@@ -21,16 +21,16 @@ from lfobench.processes import die_with_parent, interrupts_held
 from lfobench.registry import load_suite
 
 
-def record(specification: PartSpecification, operator: Operator) -> Episodes:
+def record(specification: PartSpecification, demonstrator: ScriptedDemonstrator) -> Episodes:
     """A recorded part: as many episodes as its specification says.
 
     Raises:
-        ValueError: when the operator records another number, what its environment would not, or what is no number.
+        ValueError: when the demonstrator records another number, what its environment would not, or what is no number.
     """
     wanted = specification.episodes or 0
-    episodes = operator.record(wanted, _generator(specification, 0))
+    episodes = demonstrator.record(wanted, _generator(specification, 0))
     if len(episodes.lengths) != wanted:
-        raise ValueError(f"the operator was asked for {wanted} episodes and recorded {len(episodes.lengths)}")
+        raise ValueError(f"the demonstrator was asked for {wanted} episodes and recorded {len(episodes.lengths)}")
     _check_recording(episodes, specification.environment)
     return episodes
 
@@ -171,11 +171,11 @@ def build_shard(job: ShardJob | ImportJob) -> ShardJob | ImportJob:
     try:
         assert suite.demonstrator is not None, "parts are specified before they are built"
         maker = suite.demonstrator(task.environment.name, job.level)
-        episodes = record(part, maker) if isinstance(maker, Operator) else roll_out(part, maker, job.shard)
+        episodes = record(part, maker) if isinstance(maker, ScriptedDemonstrator) else roll_out(part, maker, job.shard)
     except (Exception, SystemExit) as error:
         raise UserError(
             f"The {job.level} data of {job.task} cannot be made: {type(error).__name__}: {error}.",
-            f"Mend the environment or demonstrator of suite '{suite.name}'.",
+            f"Fix the environment or demonstrator of suite '{suite.name}'.",
         ) from error
     PartCache(job.root, part).write(job.shard, episodes)
     return job

@@ -63,7 +63,7 @@ def way_out(error: OSError) -> str:
         return f"Free space, or {elsewhere}; the same command continues."
     if error.errno in (EACCES, EPERM, EROFS):
         return f"Make the folder writable, or {elsewhere}."
-    return f"Mend the folder, or {elsewhere}."
+    return f"Fix the folder, or {elsewhere}."
 
 
 MIRROR = "LFOBENCH_MIRROR"

@@ -130,7 +130,7 @@ def _check_actions(task: Task, recipe: Recipe, offline: Episodes, expert: Episod
         if np.isnan(episodes.actions).any():
             raise UserError(
                 f"The {level} part of {task.name} was recorded without actions.",
-                "Mend its suite: an offline part needs them, and an expert part too unless its recipe says "
+                "Fix its suite: an offline part needs them, and an expert part too unless its recipe says "
                 "expert_actions=False.",
             )
 

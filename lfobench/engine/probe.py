@@ -22,7 +22,7 @@ from torch.utils._pytree import tree_flatten
 
 from lfobench.cells.cell import Cell
 from lfobench.contract.method import DataNeeds, Field, Method, Shapes, Sizes, Stage
-from lfobench.contract.suite import Environment, FloatArray, Operator
+from lfobench.contract.suite import Environment, FloatArray, ScriptedDemonstrator
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.memory import Footprint
@@ -138,7 +138,7 @@ class Prober:
         """Seconds per transition that a demonstrator generates."""
         return DEMONSTRATION * self._simulator_step(environment)
 
-    def recording(self, demonstrator: Operator) -> float:
+    def recording(self, demonstrator: ScriptedDemonstrator) -> float:
         """Seconds that a scripted demonstrator takes to record a few episodes; many at once take little longer."""
         key = demonstrator.fingerprint
         if key not in self._recordings:

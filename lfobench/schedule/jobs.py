@@ -15,7 +15,7 @@ import torch
 from lfobench.cells.cell import Run
 from lfobench.cells.parts import SHARD_TRANSITIONS, FilePart, PartRequest, requests
 from lfobench.cells.plan import Plan, Request, cuda_is_available, make_plan
-from lfobench.contract.suite import Level, Operator
+from lfobench.contract.suite import Level, ScriptedDemonstrator
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.data.cache import PartCache
 from lfobench.data.library import Library
@@ -213,7 +213,7 @@ def _shard_seconds(plan: Plan, task: str, level: Level, prober: Prober) -> float
     environment = next(each for each in plan.tasks if each.name == task).environment
     assert plan.suite.demonstrator is not None, "what cannot be generated has no shard job"
     demonstrator = plan.suite.demonstrator(environment.name, level)
-    if isinstance(demonstrator, Operator):
+    if isinstance(demonstrator, ScriptedDemonstrator):
         return prober.recording(demonstrator)
     return SHARD_TRANSITIONS * prober.generation(environment)
 

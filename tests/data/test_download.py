@@ -444,7 +444,7 @@ def test_only_http_is_fetched(tmp_path: Path, address: str) -> None:
     [
         (errno.ENOSPC, "No space left on device. Free space, or choose another folder with LFOBENCH_CACHE"),
         (errno.EACCES, "Permission denied. Make the folder writable, or choose another folder with LFOBENCH_CACHE"),
-        (errno.EIO, "Input/output error. Mend the folder, or choose another folder with LFOBENCH_CACHE"),
+        (errno.EIO, "Input/output error. Fix the folder, or choose another folder with LFOBENCH_CACHE"),
     ],
 )
 def test_a_disk_that_refuses(tmp_path: Path, host: str, monkeypatch: pytest.MonkeyPatch, code: int, said: str) -> None:

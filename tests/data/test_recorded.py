@@ -1,4 +1,4 @@
-"""Recipes of recorded trajectories: rows against plain loops over every episode, and parts that operators record."""
+"""Recipes of recorded trajectories: rows against plain loops over every episode; parts of scripted demonstrators."""
 
 from __future__ import annotations
 
@@ -124,14 +124,14 @@ def with_first(value: float) -> Callable[[FloatArray], FloatArray]:
     return change
 
 
-def specification(episodes: int = 4, operator: str = "counting") -> PartSpecification:
-    return PartSpecification(REACH, "expert", operator, (("mujoco", "1"),), 0, episodes=episodes)
+def specification(episodes: int = 4, demonstrator: str = "counting") -> PartSpecification:
+    return PartSpecification(REACH, "expert", demonstrator, (("mujoco", "1"),), 0, episodes=episodes)
 
 
 def test_a_recording_is_a_function_of_its_specification() -> None:
     first, again = record(specification(), Counting()), record(specification(), Counting())
     assert first.lengths.tolist() == again.lengths.tolist()
-    assert first.lengths.tolist() != record(specification(operator="another"), Counting()).lengths.tolist()
+    assert first.lengths.tolist() != record(specification(demonstrator="another"), Counting()).lengths.tolist()
 
 
 def test_a_recording_is_shared_by_tasks_that_only_score_differently() -> None:
@@ -141,7 +141,7 @@ def test_a_recording_is_shared_by_tasks_that_only_score_differently() -> None:
     assert one.hash != specification(5).hash
 
 
-def test_an_operator_that_records_too_little_is_named() -> None:
+def test_a_demonstrator_that_records_too_little_is_named() -> None:
     with pytest.raises(ValueError, match="asked for 4 episodes and recorded 3"):
         record(specification(), Counting(short=1))
 
@@ -166,11 +166,11 @@ def test_parts_without_actions_are_known_before_anything_is_trained(tmp_path: Pa
     def nothing(rows: FloatArray) -> FloatArray:
         return np.full_like(rows, np.nan)
 
-    operator = Counting(actions=nothing)
-    assert np.isnan(record(specification(), operator).actions).all()
-    silent = replace(SCENES, demonstrator=lambda environment, level: operator)
+    silent_demonstrator = Counting(actions=nothing)
+    assert np.isnan(record(specification(), silent_demonstrator).actions).all()
+    silent = replace(SCENES, demonstrator=lambda environment, level: silent_demonstrator)
     for request in requests(silent, silent.tasks[0], silent.tasks[0].recipe):
-        PartCache(tmp_path, request.specification).write(0, record(request.specification, operator))
+        PartCache(tmp_path, request.specification).write(0, record(request.specification, silent_demonstrator))
     with pytest.raises(UserError, match="The random part of reach-few was recorded without actions"):
         load_task(tmp_path, silent, silent.tasks[0], silent.tasks[0].recipe, "build")
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lfobench.cells.plan import Request, make_plan
-from lfobench.contract.suite import Operator, Recipe, Suite, Task
+from lfobench.contract.suite import Recipe, ScriptedDemonstrator, Suite, Task
 from lfobench.registry import load_method
 from suites.airhockey import APPENDIX, SUITE
 from suites.robot import constants, register_environments
@@ -98,7 +98,7 @@ def test_there_are_enough_offline_recordings_for_an_equal_share(task: Task) -> N
     steps = []
     for level in (recipe.expert, recipe.offline):
         maker = SUITE.demonstrator(task.environment.name, level)
-        assert isinstance(maker, Operator)
+        assert isinstance(maker, ScriptedDemonstrator)
         steps.append(maker.record(40, np.random.default_rng(0)).lengths.mean())
     expert, offline = steps
     assert recipe.offline_trajectories is not None

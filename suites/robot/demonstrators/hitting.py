@@ -135,7 +135,7 @@ class Hitting(ScriptedDemonstrator):
     score: Literal["touch", "hit"] = "hit"
 
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """That many episodes; the rules of a hit decide when one of them stops."""
+        """Recordings, each of which stops by the rules of a hit."""
         draws = Draws(generator, episodes)
         once = np.arange(episodes) < (episodes if self.single is None else self.single)
         limit = SINGLE_LIMIT if self.single is None else REPEATED_LIMIT
@@ -245,7 +245,7 @@ class Dodging(ScriptedDemonstrator):
     score: Literal["touch", "hit"] = "hit"
 
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """That many episodes."""
+        """Recordings of `episodes` episodes."""
         draws = Draws(generator, episodes)
         lengths = np.rint(draws.uniform(*self.seconds) / PERIOD).astype(np.int64)
         limit = int(lengths.max())

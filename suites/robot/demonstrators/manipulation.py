@@ -79,7 +79,7 @@ class SafeTeleoperation(ScriptedDemonstrator):
     care: Care = CAREFUL
 
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """That many episodes; an action is the fraction of the robot's clip that it was sent."""
+        """Recordings, whose actions are fractions of the robot's clip as it was sent them."""
         draws = Draws(generator, episodes)
         simulation = Simulation(SafeManipulation(), episodes, LIMIT + 1, ends=False)
         first = simulation.reset(draws.seeds.tolist(), starts(self.scatter, draws))
@@ -106,7 +106,7 @@ class Wandering(ScriptedDemonstrator):
     points: int = 4
 
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """That many episodes, none of which a cup ends."""
+        """Recordings, none of which a cup ends."""
         draws = Draws(generator, episodes)
         simulation = Simulation(SafeManipulation(self.embodiment), episodes, LIMIT + 1, ends=False)
         places = WORKSPACE_LOW + draws.uniform(0.0, 1.0, 1 + self.points, 2) * (WORKSPACE_HIGH - WORKSPACE_LOW)
@@ -156,7 +156,7 @@ class HandTrack(ScriptedDemonstrator):
     rail: float = 0.04
 
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """That many episodes, observed by the camera; their actions are NaN."""
+        """Recordings by the camera; their actions are NaN."""
         task, draws = SafeManipulation("hand"), Draws(generator, episodes)
         seeds = draws.seeds.tolist()
         start = starts(self.scatter, draws)

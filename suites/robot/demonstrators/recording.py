@@ -121,7 +121,7 @@ class ScriptedDemonstrator(ABC):
         )
 
     def record(self, episodes: int, generator: np.random.Generator) -> Episodes:
-        """That many episodes."""
+        """Recordings of `episodes` episodes."""
         return self.perform(episodes, generator).episodes
 
 

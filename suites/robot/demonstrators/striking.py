@@ -42,7 +42,7 @@ class SingleStrike(ScriptedDemonstrator):
     missing: float = 0.35
 
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """That many episodes."""
+        """Recordings of `episodes` episodes."""
         draws = Draws(generator, episodes)
         simulation = Simulation(PuckStriking(), episodes, LIMIT + 1, ends=False)
         first = simulation.reset(draws.seeds.tolist())
@@ -79,7 +79,7 @@ class VagueSwings(ScriptedDemonstrator):
     thoughts: int = 48
 
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
-        """That many episodes."""
+        """Recordings of `episodes` episodes."""
         draws = Draws(generator, episodes)
         simulation = Simulation(PuckStriking(), episodes, LIMIT + 1, ends=False)
         first = simulation.reset(draws.seeds.tolist())

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lfobench.contract.episodes import Episodes
-from lfobench.contract.suite import Operator
+from lfobench.contract.suite import ScriptedDemonstrator
 from lfobench.errors import UserError
 from suites.robot import constants, tasks
 from suites.robot.demonstrators import demonstrator, demonstrators
@@ -206,7 +206,7 @@ def test_a_single_hit_ends_the_recording_and_repeated_hits_go_on() -> None:
 
 def test_a_fingerprint_covers_class_fields_and_constants(monkeypatch: pytest.MonkeyPatch) -> None:
     known = [demonstrator(environment, level) for environment, level in ALL]
-    assert all(isinstance(maker, Operator) for maker in known)
+    assert all(isinstance(maker, ScriptedDemonstrator) for maker in known)
     assert len({maker.fingerprint for maker in known}) == len(ALL)
     maker = SafeTeleoperation()
     before = maker.fingerprint
