@@ -27,7 +27,7 @@ def bench(
         str | None,
         typer.Option(
             help="Comma-separated sections: loading, cell, steps, ablations, bf16, seeds, evaluation, "
-            "statistics, records."
+            "simulation, statistics, records."
         ),
     ] = None,
     device: options.Device = "auto",

@@ -1,7 +1,8 @@
-"""Evaluation in three ways: one environment at a time, in lock step in this process, and on every core as workers."""
+"""Evaluation one environment at a time, in lock step and in worker processes; control steps of the robot simulation."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -18,10 +19,12 @@ from benchmarks.pairs import Alternation, Contender, Spread, alternate
 from lfobench.cells.cell import Cell
 from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.method import Shapes
+from lfobench.contract.suite import Environment
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.evaluation import EpisodeResults, Evaluator, start_seed
 from lfobench.engine.evaluation_workers import EvaluationWorkers
 from lfobench.engine.state import MethodState, live_tensors
+from lfobench.registry import load_suite
 
 CPU = torch.device("cpu")
 ONE_AT_A_TIME, LOCK_STEP, WORKERS = "one at a time", "lock step", "workers"
@@ -202,3 +205,34 @@ def _check_policies(policies: Sequence[nn.Module], observation: Tensor, expected
     with torch.no_grad():
         found = torch.stack([policy(given) for policy, given in zip(policies, observation, strict=True)])
     torch.testing.assert_close(found, expected)
+
+
+WORLDS = 64
+GENTLE = 0.2
+"""Largest action: full ones stop the arm by its own emergency stop."""
+
+
+def control_steps(quick: bool, rounds: int) -> dict[str, Spread]:
+    """Control steps per second of one thread's time, by environment of the suite; resets are not counted."""
+    environments = {
+        f"{each.name} {' '.join(map(str, each.arguments.values()))}".strip(): each
+        for each in (task.environment for task in load_suite("airhockey").tasks)
+    }
+    return {name: _control_steps(each, 10 if quick else 100, rounds) for name, each in environments.items()}
+
+
+def _control_steps(environment: Environment, steps: int, rounds: int) -> Spread:
+    worlds = environment.make_many(WORLDS)
+    if worlds is None:
+        raise RuntimeError(f"{environment.name} has no vector form")
+    actions = np.random.default_rng(0).uniform(-GENTLE, GENTLE, (steps, WORLDS, 2)).astype(np.float32)
+    rates = []
+    for _ in range(rounds):
+        worlds.reset(seed=0)
+        # The thread's own time: what others do on the machine is not the simulation's.
+        started = time.thread_time()
+        for action in actions:
+            worlds.step(action)
+        rates.append(steps * WORLDS / (time.thread_time() - started))
+    worlds.close()
+    return Spread.of(rates)

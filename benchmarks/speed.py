@@ -8,12 +8,11 @@ from typing import Any
 
 import torch
 
-from benchmarks import built_task, robot, views
-from benchmarks.ablations import compare_ablations
-from benchmarks.evaluation import compare_evaluation
+from benchmarks import built_task, views
+from benchmarks.evaluation import compare_evaluation, control_steps
 from benchmarks.hardware import describe
 from benchmarks.pairs import TARGETS, Contender, Finding, Spread
-from benchmarks.training import AUTHORS, ENGINE, SEEDS, Bench, Effort, StepComparison
+from benchmarks.training import AUTHORS, ENGINE, SEEDS, Bench, Effort, StepComparison, compare_ablations
 from benchmarks.workloads import SHAPES, WORKLOADS
 from lfobench.cells.cell import effective
 from lfobench.engine.program import has_bf16_units
@@ -112,7 +111,7 @@ class Speed:
 
     def simulation(self) -> Iterator[tuple[str, Finding]]:
         """The robot simulation, all worlds in lock step on one core."""
-        found = robot.control_steps(self.quick, self.rounds)
+        found = control_steps(self.quick, self.rounds)
         self.raw["simulation"] = {name: spread.as_json() for name, spread in found.items()}
         yield "simulation", Finding(TARGETS["simulation"], min(found.values(), key=lambda spread: spread.median))
 
