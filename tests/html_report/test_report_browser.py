@@ -32,9 +32,6 @@ pytestmark = pytest.mark.browser
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 METHODS = ("dilo", "bc")
 
-# Levels at which nothing or everything is decided, and whose numbers are written in other ways.
-EXTREMES = [("welch", "group", "holm", 1e-5), ("wilcoxon", "all", "bh", 1.0), ("student", "all", "none", 0.0)]
-
 # What the page shows under one setting of its knobs, read back from the document.
 READ = """
 ([test, scope, correction, alpha]) => {
@@ -172,9 +169,6 @@ def test_a_reader_turns_the_knobs_and_resets_them(page: Any) -> None:
     assert page.locator("#verdict").inner_text().startswith("Among all methods")
     assert "p < 0.001" in page.locator("#how").inner_text()
     assert "--test student --scope all" in page.locator(".knob-options").first.inner_text()
-    page.get_by_label("α").fill("7")
-    assert page.get_by_label("α").get_attribute("aria-invalid") == "true"
-    assert "p < 0.001" in page.locator("#how").inner_text()
     page.get_by_role("button", name="Reset").click()
     page.wait_for_function("before => document.getElementById('verdict').innerText === before", arg=before)
 
