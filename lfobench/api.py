@@ -33,7 +33,7 @@ from lfobench.score import Statistic
 from lfobench.stats.highlight import Rule
 from lfobench.tables.building import build_table
 from lfobench.tables.counting import knobs
-from lfobench.tables.exporters.formats import export
+from lfobench.tables.exporters import export
 from lfobench.tables.outcomes import OutcomeTable, outcome_table
 from lfobench.tables.published_columns import beside
 from lfobench.tables.table import Table

@@ -12,7 +12,7 @@ from helpers_cli import InProcess
 
 import lfobench
 from lfobench.errors import UserError
-from lfobench.tables.exporters.formats import export
+from lfobench.tables.exporters import export
 
 ROOT = Path(__file__).resolve().parent.parent
 RECORDS = ROOT / "results" / "reference" / "locomotion-quick"

@@ -13,6 +13,7 @@ import typer
 from lfobench.cli import options
 from lfobench.cli.console import output
 from lfobench.cli.options import warn
+from lfobench.tables.exporters import FORMATS
 
 if TYPE_CHECKING:
     from lfobench.api import Selection
@@ -21,16 +22,7 @@ if TYPE_CHECKING:
     from lfobench.stats.options import Correction
 
 
-class Format(StrEnum):
-    """What ``--format`` takes."""
-
-    terminal = "terminal"
-    markdown = "markdown"
-    latex = "latex"
-    csv = "csv"
-    json = "json"
-    html = "html"
-
+TERMINAL = "terminal"
 
 _OF_NUMBERS = {
     "statistic": "--stat",
@@ -48,7 +40,9 @@ _OF_NUMBERS = {
 def table(
     context: typer.Context,
     out: options.Out = options.DEFAULT_OUT,
-    format_name: Annotated[Format, typer.Option("--format", help="How to print.")] = Format.terminal,
+    format_name: Annotated[
+        str, typer.Option("--format", help=f"How to print: {', '.join([TERMINAL, *FORMATS])}.")
+    ] = TERMINAL,
     outcomes: Annotated[
         bool, typer.Option("--outcomes", help="How the episodes ended instead: success, or which failure. Not in HTML.")
     ] = False,
@@ -76,11 +70,13 @@ def table(
     Example: lfobench table --out runs --format latex > table.tex
     """
     from lfobench import api
-    from lfobench.tables.exporters.formats import export
+    from lfobench.tables.exporters import check_format, export
     from lfobench.tables.exporters.terminal import terminal
 
     if outcomes:
         _check_outcomes(context, format_name)
+    elif format_name != TERMINAL:
+        check_format(format_name)
     selected = options.select_records(out, suite, protocol, steps, source, preset, methods)
     if outcomes:
         _print_outcomes(selected, format_name)
@@ -88,13 +84,13 @@ def table(
     built = selected.table(*api.knobs(selected.records, statistic, test, scope, correction, alpha))
     if against is not None:
         built = api.hold_against(built, against, margin, anyway)
-    if format_name is Format.terminal:
+    if format_name == TERMINAL:
         output.print(terminal(built))
     else:
-        output.out(export(built, format_name.value), end="", highlight=False)
+        output.out(export(built, format_name), end="", highlight=False)
 
 
-def _check_outcomes(context: typer.Context, format_name: Format) -> None:
+def _check_outcomes(context: typer.Context, format_name: str) -> None:
     """Refuse what plays no part in outcomes, before anything is read."""
     from lfobench.errors import UserError
     from lfobench.tables.outcomes import check_format
@@ -102,18 +98,18 @@ def _check_outcomes(context: typer.Context, format_name: Format) -> None:
     for name, option in _OF_NUMBERS.items():
         if (source := context.get_parameter_source(name)) is not None and source.name == "COMMANDLINE":
             raise UserError(f"--outcomes counts how episodes ended, in which {option} plays no part.", "Leave one out.")
-    if format_name is not Format.terminal:
-        check_format(format_name.value)
+    if format_name != TERMINAL:
+        check_format(format_name)
 
 
-def _print_outcomes(selected: Selection, format_name: Format) -> None:
+def _print_outcomes(selected: Selection, format_name: str) -> None:
     from lfobench.tables.outcomes import export_outcomes, terminal_outcomes
 
     found = selected.outcomes()
-    if format_name is Format.terminal:
+    if format_name == TERMINAL:
         output.print(terminal_outcomes(found))
     else:
-        output.out(export_outcomes(found, format_name.value), end="", highlight=False)
+        output.out(export_outcomes(found, format_name), end="", highlight=False)
 
 
 AnyCorrection = Annotated[

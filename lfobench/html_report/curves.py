@@ -1,32 +1,28 @@
-"""Learning curves as SVG: one small panel per task here, one panel per cell in the page's script, on the same axes."""
+"""Learning curves as the page draws them: a panel per task, and the curves and numbers of each of its cells."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
-from lfobench.plots.captions import demonstration_score, ends, fewer_starts
+from lfobench.plots.captions import LEVEL, demonstration_score, ends, fewer_starts
 from lfobench.plots.curves import DIVERGED_SCORE, Curve, evaluated, learning_curve
-from lfobench.plots.figure import Look, looks
+from lfobench.plots.figure import EXPERT, RANDOM, Look
 from lfobench.record import Record
+from lfobench.stats.intervals import t_interval
 from lfobench.tables.comparable import arrange_columns
-from lfobench.tables.exporters.html import Markup, element, joined, name_of
-from lfobench.tables.table import Column, Row, Table
-from lfobench.text import short_number
+from lfobench.tables.table import Cell, Column, Row, Table
+from lfobench.text import counted, short_number
 
-WIDTH, HEIGHT = 300.0, 190.0
-LEFT, RIGHT, TOP, BOTTOM = 40.0, 10.0, 10.0, 34.0
-"""Of a panel, in the units of its view box."""
-
-RANDOM, EXPERT = 0.0, 100.0
-_DASH = 1.6
 _MARGIN = 0.03
+_DASH = 1.6
 
 
 @dataclass(frozen=True)
 class Axes:
-    """The scales of a task's panels.
+    """The scales of a task's drawings, in the units of their view box.
 
     Attributes:
         steps: first and last gradient step.
@@ -34,6 +30,15 @@ class Axes:
         step_ticks: gradient steps with a label.
         score_ticks: scores with a label.
     """
+
+    width: ClassVar = 300
+    height: ClassVar = 190
+    left: ClassVar = 40
+    right: ClassVar = 290
+    top: ClassVar = 10
+    bottom: ClassVar = 156
+    random: ClassVar = RANDOM
+    expert: ClassVar = EXPERT
 
     steps: tuple[float, float]
     scores: tuple[float, float]
@@ -43,21 +48,54 @@ class Axes:
     def x(self, step: float) -> float:
         """Horizontal place of a gradient step."""
         low, high = self.steps
-        return LEFT + (WIDTH - LEFT - RIGHT) * (step - low) / (high - low)
+        return self.left + (self.right - self.left) * (step - low) / (high - low)
 
     def y(self, score: float) -> float:
         """Vertical place of a score."""
         low, high = self.scores
-        return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (score - low) / (high - low)
+        return self.bottom - (self.bottom - self.top) * (score - low) / (high - low)
+
+    def path(self, steps: Sequence[int], scores: Sequence[float | None]) -> str:
+        """A line through the known scores; it is broken where one is missing."""
+        pen, parts = "M", []
+        for step, score in zip(steps, scores, strict=True):
+            if score is not None:
+                parts.append(f"{pen}{self.x(step):.1f} {self.y(score):.1f}")
+            pen = "M" if score is None else "L"
+        return "".join(parts)
+
+
+@dataclass(frozen=True)
+class DrawnCell:
+    """What the page shows of a cell of the table on demand: its seeds' curves, and the numbers behind its mean.
+
+    Attributes:
+        column: its method.
+        place: of the column in the table.
+        curve: None where no run was evaluated.
+        facts: texts by name.
+    """
+
+    column: Column
+    place: int
+    curve: Curve | None
+    facts: Mapping[str, str]
 
 
 @dataclass(frozen=True)
 class Panel:
     """The curves of one task."""
 
+    task: str
     axes: Axes
-    steps: list[int]
     curves: Mapping[Column, Curve]
+    cells: tuple[DrawnCell, ...]
+    demonstration: float | None
+
+    @property
+    def last_means(self) -> str:
+        """Mean over seeds of every method's last evaluation, for readers that do not see the drawing."""
+        return ", ".join(f"{column.label} {short_number(curve.means[-1])}" for column, curve in self.curves.items())
 
 
 def panels(table: Table, records: Sequence[Record]) -> list[Panel]:
@@ -69,54 +107,25 @@ def panels(table: Table, records: Sequence[Record]) -> list[Panel]:
     return [_panel(table, row, members) for _, row in table.rows()]
 
 
-def column_looks(table: Table, methods: Sequence[str]) -> dict[Column, Look]:
-    """Colour and dashes of every method, as in the figures of ``lfobench plot``."""
-    return looks([column for column in table.columns if column.run_here], methods)
+def curves_caption(table: Table, records: Sequence[Record], drawn: Sequence[Panel]) -> str:
+    """What the panels show."""
+    sentences = [
+        "Score of every evaluation against gradient steps, mean over seeds; pointing at a cell of the table shows its "
+        f"seeds. Grey lines at 0 and 100 are {ends(table)}.",
+        fewer_starts(table, records),
+    ]
+    if any(panel.demonstration is not None for panel in drawn):
+        sentences.append("Dotted: the demonstration that the methods observe.")
+    if any(curve.diverged for panel in drawn for curve in panel.curves.values()):
+        sentences.append(
+            f"A cross marks a divergence, from which on the seed counts as {DIVERGED_SCORE:.0f}.",
+        )
+    return " ".join(filter(None, sentences))
 
 
 def dashes(look: Look) -> str | None:
     """`stroke-dasharray` of a look; None for a solid line."""
     return None if isinstance(look.line, str) else " ".join(f"{_DASH * length:g}" for length in look.line[1])
-
-
-def curves_section(
-    table: Table, records: Sequence[Record], drawn: Sequence[Panel], chosen: Mapping[Column, Look]
-) -> Markup:
-    """Every task's panel with all methods under one legend."""
-    rows = [row for _, row in table.rows()]
-    diverged = any(curve.diverged for panel in drawn for curve in panel.curves.values())
-    known = any(demonstration_score(table, row) is not None for row in rows)
-    return element(
-        "section",
-        element("h2", "Learning curves"),
-        element("ul", *(_key(column.label, look) for column, look in chosen.items()), class_="legend"),
-        element(
-            "div",
-            *(
-                element(
-                    "figure",
-                    element("figcaption", name_of(row.task)),
-                    _svg(row, panel, chosen, demonstration_score(table, row)),
-                )
-                for row, panel in zip(rows, drawn, strict=True)
-            ),
-            class_="panels",
-        ),
-        element(
-            "p",
-            "Score of every evaluation against gradient steps, mean over seeds; pointing at a cell of the table shows "
-            f"its seeds. Grey lines at 0 and 100 are {ends(table)}."
-            + (f" {fewer}" if (fewer := fewer_starts(table, records)) else "")
-            + (" Dotted: the demonstration that the methods observe." if known else "")
-            + (
-                f" A cross marks a divergence, from which on the seed counts as {DIVERGED_SCORE:.0f}."
-                if diverged
-                else ""
-            ),
-            class_="caption",
-        ),
-        id="curves",
-    )
 
 
 def _panel(table: Table, row: Row, members: Mapping[Column, Sequence[Record]]) -> Panel:
@@ -127,10 +136,15 @@ def _panel(table: Table, row: Row, members: Mapping[Column, Sequence[Record]]) -
         for column, found in on_task.items()
         if (curve := learning_curve(found, steps, table.statistic)) is not None
     }
-    scores = [score for curve in curves.values() for seed in curve.seeds for score in seed if score is not None]
+    cells = tuple(
+        DrawnCell(column, place, curves.get(column), _facts(cell))
+        for place, (column, cell) in enumerate(zip(table.columns, row.cells, strict=True))
+        if cell is not None and column.run_here
+    )
     demonstration = demonstration_score(table, row)
+    scores = [score for curve in curves.values() for seed in curve.seeds for score in seed if score is not None]
     points = [RANDOM, EXPERT, *scores, *([demonstration] if demonstration is not None else [])]
-    return Panel(_axes(steps, min(points), max(points)), steps, curves)
+    return Panel(row.task, _axes(steps, min(points), max(points)), curves, cells, demonstration)
 
 
 def _axes(steps: Sequence[int], low: float, high: float) -> Axes:
@@ -142,7 +156,7 @@ def _axes(steps: Sequence[int], low: float, high: float) -> Axes:
         (start, end),
         (low - margin, high + margin),
         tuple((tick, _thousands(tick)) for tick in ticks(start, end)),
-        tuple((tick, f"{tick:g}".replace("-", "−")) for tick in ticks(low, high)),
+        tuple((tick, _signed(f"{tick:g}")) for tick in ticks(low, high)),
     )
 
 
@@ -164,82 +178,30 @@ def _thousands(steps: float) -> str:
     return f"{steps:g}"
 
 
-def _key(label: str, look: Look) -> Markup:
-    line = element(
-        "line", x1="1", y1="6", x2="35", y2="6", stroke=look.colour, stroke_dasharray=dashes(look), class_="mean-line"
-    )
-    return element("li", element("svg", line, viewBox="0 0 36 12", aria_hidden="true"), name_of(label))
-
-
-def _svg(row: Row, panel: Panel, chosen: Mapping[Column, Look], demonstration: float | None) -> Markup:
-    axes = panel.axes
-    parts = [_frame(axes)]
-    if demonstration is not None:
-        parts.append(_across(axes, demonstration, "demonstration"))
-    for column, curve in panel.curves.items():
-        look = chosen[column]
-        places = " ".join(
-            f"{axes.x(step):.1f},{axes.y(mean):.1f}" for step, mean in zip(curve.steps, curve.means, strict=True)
+def _facts(cell: Cell) -> dict[str, str]:
+    facts = {"n": counted(len(cell.seeds), "seed")}
+    if cell.sample is not None:
+        summary = cell.sample.summary
+        facts["mean"] = _decimals(summary.mean)
+        facts["std"] = "none: one seed" if summary.std is None else _decimals(summary.std)
+        if interval := t_interval(summary, LEVEL):
+            facts[f"{LEVEL:.0%} t-interval"] = f"[{_decimals(interval.low)}, {_decimals(interval.high)}]"
+        facts["scores"] = ", ".join(
+            f"seed {seed}: {_decimals(score)}" for seed, score in zip(cell.seeds, cell.sample.seeds, strict=True)
         )
-        parts.append(
-            element(
-                "polyline",
-                element("title", column.label),
-                points=places,
-                stroke=look.colour,
-                stroke_dasharray=dashes(look),
-                class_="mean-line",
-            )
-        )
-        parts += [_cross(axes.x(step), axes.y(DIVERGED_SCORE), look.colour) for step in curve.diverged]
-    named = ", ".join(
-        f"{column.label} {short_number(curve.means[-1])}" for column, curve in panel.curves.items() if curve.means
-    )
-    return element(
-        "svg",
-        joined(parts),
-        viewBox=f"0 0 {WIDTH:g} {HEIGHT:g}",
-        role="img",
-        aria_label=f"Learning curves on {row.task}. Last evaluation, mean over seeds: {named or 'none'}.",
-    )
+    for name, seeds in (
+        ("diverged, counted as 0", cell.diverged_seeds),
+        ("failed, not counted", cell.failed_seeds),
+    ):
+        if seeds:
+            facts[name] = f"seed {', '.join(map(str, seeds))}"
+    return facts
 
 
-def _frame(axes: Axes) -> Markup:
-    """Lines at random and expert, ticks and axis labels."""
-    bottom = HEIGHT - BOTTOM
-    parts = [_across(axes, score, "reference") for score in (RANDOM, EXPERT)]
-    parts.append(
-        element("path", d=f"M{LEFT:g} {TOP:g}V{bottom:g}H{WIDTH - RIGHT:g}", class_="axis"),
-    )
-    for score, label in axes.score_ticks:
-        place = f"{axes.y(score):.1f}"
-        parts.append(element("line", x1=LEFT - 3, x2=LEFT, y1=place, y2=place, class_="axis"))
-        parts.append(element("text", label, x=LEFT - 6, y=f"{axes.y(score) + 3.2:.1f}", text_anchor="end"))
-    for step, label in axes.step_ticks:
-        place = f"{axes.x(step):.1f}"
-        parts.append(element("line", x1=place, x2=place, y1=bottom, y2=bottom + 3, class_="axis"))
-        parts.append(element("text", label, x=place, y=bottom + 14, text_anchor="middle"))
-    middle = (LEFT + WIDTH - RIGHT) / 2.0
-    parts.append(element("text", "gradient steps", x=middle, y=HEIGHT - 4, text_anchor="middle", class_="axis-label"))
-    upright = f"rotate(-90 9 {(TOP + bottom) / 2.0:g})"
-    parts.append(
-        element(
-            "text",
-            "score",
-            x=9.0,
-            y=(TOP + bottom) / 2.0,
-            text_anchor="middle",
-            transform=upright,
-            class_="axis-label",
-        )
-    )
-    return joined(parts)
+def _decimals(score: float) -> str:
+    return _signed(short_number(score, "z.2f"))
 
 
-def _across(axes: Axes, score: float, kind: str) -> Markup:
-    place = f"{axes.y(score):.1f}"
-    return element("line", x1=LEFT, x2=WIDTH - RIGHT, y1=place, y2=place, class_=kind)
-
-
-def _cross(x: float, y: float, colour: str) -> Markup:
-    return element("path", d=f"M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8", stroke=colour, class_="cross")
+def _signed(number: str) -> str:
+    """A number with a minus sign in place of its hyphen."""
+    return number.replace("-", "−")

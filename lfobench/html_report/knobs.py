@@ -12,27 +12,26 @@ from typing import get_args
 
 from lfobench.errors import UserError
 from lfobench.stats.highlight import Rule, adjusted
-from lfobench.stats.options import Correction, HighlightTest, Scope, Test
+from lfobench.stats.options import HighlightTest, Scope, Test
 from lfobench.stats.tests import Sample, margin, p_value
 from lfobench.tables.building import decided
-from lfobench.tables.footnote import CORRECTIONS
+from lfobench.tables.footnote import CORRECTIONS, SCOPES, TESTS, unit
 from lfobench.tables.table import Column, Row, Table, competes
 
-SCOPES: tuple[Scope, ...] = get_args(Scope)
 ALPHAS = (0.1, 0.05, 0.01, 0.005, 0.001)
 
 
 @dataclass(frozen=True)
 class PairCounts:
-    """The first method against the second, over the tasks of both; the correction is over those that were tested.
+    """The first method compared with the second, over the tasks of both; the correction is over the tests made.
 
     Attributes:
         first: subject.
         second: the method that it is compared with.
         better: tasks on which the first has the higher mean or success rate, and the test tells them apart.
-        worse: the lower one.
-        undecided: the test does not tell them apart.
-        untested: there was no test.
+        worse: tasks on which it has the lower one.
+        undecided: tasks on which the test does not tell them apart.
+        untested: tasks without a test.
     """
 
     first: Column
@@ -41,6 +40,16 @@ class PairCounts:
     worse: int
     undecided: int
     untested: int
+
+    @property
+    def by_verdict(self) -> dict[str, int]:
+        """The four counts by name."""
+        return {
+            "better": self.better,
+            "worse": self.worse,
+            "undecided": self.undecided,
+            "untested": self.untested,
+        }
 
 
 @dataclass(frozen=True)
@@ -82,20 +91,42 @@ def alphas_of(table: Table) -> tuple[float, ...]:
     return tuple(sorted({*ALPHAS, table.rule.alpha}, reverse=True))
 
 
-def columns_of(table: Table) -> tuple[Column, ...]:
-    """The methods that were run here, in table order."""
-    return tuple(column for column in table.columns if column.run_here)
+@dataclass(frozen=True)
+class Choices:
+    """Options of the page's form: (value, text) pairs; the tests by the unit that they count."""
+
+    tests: dict[str, list[tuple[str, str]]]
+    scopes: list[tuple[str, str]]
+    corrections: list[tuple[str, str]]
+    alphas: list[tuple[str, str]]
 
 
-def pairs_of(table: Table) -> tuple[tuple[Column, Column], ...]:
-    """Every two different methods that were run here."""
-    return tuple(combinations(columns_of(table), 2))
+def choices(table: Table) -> Choices:
+    """What the form offers for `table`."""
+    tests: dict[str, list[tuple[str, str]]] = {}
+    for test in tests_of(table):
+        tests.setdefault(_UNITS[unit(test)], []).append((test, _short(TESTS[test])))
+    return Choices(
+        tests,
+        list(SCOPES.items()),
+        list(CORRECTIONS.items()),
+        [(repr(alpha), f"{alpha:g}") for alpha in alphas_of(table)],
+    )
+
+
+_UNITS = {"seed": "over seeds", "start state": "over common start states", "episode": "over episodes"}
+
+
+def _short(test: str) -> str:
+    """``the two-sided Mann-Whitney test`` to ``Mann-Whitney test``: a choice needs no article."""
+    words = test.replace("two-sided ", "").removeprefix("the ")
+    return words[0].upper() + words[1:]
 
 
 def pair_counts(table: Table) -> Iterator[PairCounts]:
     """How often the first of a pair is better than the second, for every pair, under the table's own rule."""
     samples = [_samples(table, row) for _, row in table.rows()]
-    for first, second in pairs_of(table):
+    for first, second in combinations((column for column in table.columns if column.run_here), 2):
         both = [(of_row[first], of_row[second]) for of_row in samples if first in of_row and second in of_row]
         yield _count(table.rule, first, second, both)
 
@@ -106,8 +137,7 @@ def in_scope(table: Table) -> set[Column]:
 
 
 def _rules(test: HighlightTest, scope: Scope, alphas: tuple[float, ...]) -> Iterator[Rule]:
-    corrections: tuple[Correction, ...] = tuple(CORRECTIONS)
-    for correction, alpha in product(corrections, alphas):
+    for correction, alpha in product(CORRECTIONS, alphas):
         yield Rule(test, scope, correction, alpha)
 
 

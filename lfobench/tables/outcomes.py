@@ -19,7 +19,7 @@ from lfobench.tables.building import build_table
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.counting import DIVERGED_OUTCOME, LEAVE_OUT, check_outcomes, fixed_outcomes, further_outcomes
 from lfobench.tables.exporters import latex, markdown
-from lfobench.tables.exporters.data import csv_text
+from lfobench.tables.exporters.csv import csv_text
 from lfobench.tables.exporters.terminal import Section, aligned, wrapped
 from lfobench.tables.table import HIGHLIGHT_NOTE, MISSING, Cell, Column, Note, Row, cell_text
 
@@ -122,25 +122,6 @@ def _in_order(lines: Sequence[Line]) -> tuple[str, ...]:
     return (SUCCESS, *failures)
 
 
-FIELDS = (
-    "group",
-    "row",
-    "task",
-    "column",
-    "method",
-    "preset",
-    "outcome",
-    "count",
-    "episodes",
-    "percent",
-    "seeds",
-    "diverged_seeds",
-    "failed_seeds",
-    "source",
-    "protocol",
-)
-
-
 def export_outcomes(table: OutcomeTable, format_name: str) -> str:
     """`table` in the named format.
 
@@ -219,22 +200,30 @@ def _latex(table: OutcomeTable) -> str:
 
 
 def _comma_separated(table: OutcomeTable) -> str:
-    lines: list[Sequence[object]] = [FIELDS]
-    for line in table.lines:
-        if line.cell is None or not line.episodes:
-            continue
-        seeds = [line.cell.seeds, line.cell.diverged_seeds, line.cell.failed_seeds]
-        for outcome in table.outcomes:
-            lines.append(
-                [
-                    *(line.group, line.row.label, line.row.task),
-                    *(line.column.label, line.column.method, line.column.preset),
-                    *(outcome, line.counts.get(outcome, 0), line.episodes, line.percent(outcome)),
-                    *(" ".join(map(str, each)) for each in seeds),
-                    *(table.source, table.protocol),
-                ]
-            )
-    return csv_text(lines)
+    return csv_text(
+        (
+            {
+                "group": line.group,
+                "row": line.row.label,
+                "task": line.row.task,
+                "column": line.column.label,
+                "method": line.column.method,
+                "preset": line.column.preset,
+                "outcome": outcome,
+                "count": line.counts.get(outcome, 0),
+                "episodes": line.episodes,
+                "percent": line.percent(outcome),
+                "seeds": line.cell.seeds,
+                "diverged_seeds": line.cell.diverged_seeds,
+                "failed_seeds": line.cell.failed_seeds,
+                "source": table.source,
+                "protocol": table.protocol,
+            }
+            for line in table.lines
+            if line.cell is not None and line.episodes
+            for outcome in table.outcomes
+        ),
+    )
 
 
 def _json(table: OutcomeTable) -> str:

@@ -166,9 +166,9 @@ class Table:
     def _repr_html_(self) -> str:
         """What a notebook shows."""
         # The exporters draw this model, so it cannot import them before it is there.
-        from lfobench.tables.exporters.html import html
+        from lfobench.tables.exporters.html import export
 
-        return html(self)
+        return export(self)
 
     def rows(self) -> Iterator[tuple[Block, Row]]:
         """Every row with its block, in table order."""

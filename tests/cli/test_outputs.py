@@ -26,8 +26,8 @@ NOT_A_NUMBER = re.compile(r"(?<![A-Za-z])(inf|nan)(?![A-Za-z])", re.IGNORECASE)
 VIEWS: list[tuple[str, ...]] = [
     ("table",),
     *(("table", "--format", name) for name in ("markdown", "latex", "csv", "json", "html")),
-    ("plan",),
-    ("plan", "--json"),
+    ("power",),
+    ("power", "--json"),
     ("compare", "A", "B"),
     ("compare", "A", "B", "--json"),
     ("status",),

@@ -15,13 +15,12 @@ from helpers_records import make_cell
 
 from lfobench.html_report.knobs import in_scope, pair_counts
 from lfobench.html_report.page import report
-from lfobench.html_report.runs import knobs
-from lfobench.html_report.verdict import REACHABLE, how, pairs_how, sentence
+from lfobench.html_report.reproduction import knob_options
+from lfobench.html_report.verdict import design, how, pairs_how, sentence
 from lfobench.record import Failure, Record
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.options import Correction, Scope, Test
 from lfobench.tables.building import build_table
-from lfobench.tables.footnote import highlight_notes
 from lfobench.tables.table import Table
 from lfobench.text import harmless_lines
 
@@ -142,7 +141,6 @@ def expected(table: Table) -> dict[str, Any]:
         if cell is not None
     ]
     scope, counts = in_scope(table), pair_counts(table)
-    design = [note.text for note in highlight_notes(table) if note.label == "Design"]
     return {
         "highlighted": [place for place, cell in cells if cell.highlighted],
         "lost": [place for place, cell in cells if cell.lost],
@@ -150,14 +148,14 @@ def expected(table: Table) -> dict[str, Any]:
         "verdict": harmless_lines(sentence(table)),
         "how": how(table),
         "pairsHow": pairs_how(table.rule),
-        "design": design[0] if design else REACHABLE,
+        "design": design(table),
         "pairs": [
             [each.better, each.worse, each.undecided, each.untested]
             for each in counts
             if {each.first, each.second} <= scope
         ],
         "status": "",
-        "commands": [" ".join(knobs(table.rule))] * 2,
+        "commands": [knob_options(table.rule)] * 2,
     }
 
 

@@ -167,10 +167,11 @@ def test_the_verdict_says_better_undecided_and_untested() -> None:
 
 def test_one_task_has_no_aggregate_and_the_page_says_so() -> None:
     records = [*make_cell([90.0, 91.0, 92.0], "dilo"), *make_cell([50.0, 51.0, 52.0], "smodice")]
-    text = verdict(build_table(records))
-    assert "Interquartile mean" not in text
-    assert "P(better run)" not in text
-    assert "Aggregates over tasks are left out" in text
+    found = verdict(build_table(records))
+    assert found.aggregates is None
+    assert [pair.improvement for pair in found.pairs] == [""]
+    assert "Aggregates over tasks are left out" in found.limits[1]
+    assert "Interquartile mean" not in report(records)
 
 
 def test_two_tasks_have_aggregates_and_the_tasks_left_out_are_named() -> None:
@@ -180,15 +181,16 @@ def test_two_tasks_have_aggregates_and_the_tasks_left_out_are_named() -> None:
         for method in ("dilo", "smodice")
         for record in make_cell([90.0, 91.0], method, row=row)
     ]
-    text = verdict(build_table([*records, *make_cell([1.0], "dilo", row="walker")]))
-    assert "Interquartile mean" in text
-    assert "leave out walker-random-expert" in text
+    found = verdict(build_table([*records, *make_cell([1.0], "dilo", row="walker")]))
+    assert found.aggregates and found.aggregates.tasks == 2
+    assert set(found.aggregates.means) == {"dilo", "smodice"}
+    assert "leave out walker-random-expert" in found.limits[1]
 
 
 def test_a_design_that_can_show_nothing_is_named_first() -> None:
     records = [*make_cell([90.0, 91.0], "dilo"), *make_cell([50.0, 51.0], "smodice")]
-    text = verdict(build_table(records, rule=Rule(test="permutation")))
-    assert "no row could have come out significant" in text
+    found = verdict(build_table(records, rule=Rule(test="permutation")))
+    assert "no row could have come out significant" in found.design
 
 
 @given(st.floats(-1e4, 1e4), st.floats(1e-2, 1e5))

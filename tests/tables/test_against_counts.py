@@ -20,7 +20,7 @@ from lfobench.records.published import read_publication
 from lfobench.stats.highlight import Rule
 from lfobench.stats.successes import fisher_test
 from lfobench.tables.building import build_table
-from lfobench.tables.exporters.formats import FORMATS, export
+from lfobench.tables.exporters import FORMATS, export
 from lfobench.tables.published_columns import beside, published_counts
 from lfobench.tables.table import Table, cell_text, column_groups
 

@@ -14,7 +14,7 @@ from lfobench.stats.highlight import Rule
 from lfobench.stats.options import Test
 from lfobench.stats.tests import PAIRED
 from lfobench.tables.building import build_table
-from lfobench.tables.exporters.formats import FORMATS, export
+from lfobench.tables.exporters import FORMATS, export
 from lfobench.tables.table import Cell, Table, cell_text, column_groups
 
 

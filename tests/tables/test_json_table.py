@@ -14,7 +14,7 @@ from lfobench.score import Statistic
 from lfobench.stats.highlight import Rule
 from lfobench.stats.intervals import Summary
 from lfobench.tables.building import build_table
-from lfobench.tables.exporters.formats import export
+from lfobench.tables.exporters import export
 from lfobench.tables.published_columns import PublishedScores, with_published
 from lfobench.tables.table import Table, column_groups
 

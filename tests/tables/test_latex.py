@@ -11,7 +11,7 @@ from helpers_folders import with_provenance
 from lfobench.record import Record, Warning
 from lfobench.stats.intervals import Summary
 from lfobench.tables.building import build_table
-from lfobench.tables.exporters.formats import export
+from lfobench.tables.exporters import export
 from lfobench.tables.exporters.latex import escape
 from lfobench.tables.published_columns import PublishedScores, with_published
 from lfobench.tables.table import Table

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from lfobench.record import Record
 from lfobench.tables.building import build_table
-from lfobench.tables.exporters.formats import export
+from lfobench.tables.exporters import export
 from lfobench.tables.table import Table
 
 EXAMPLE = """\

@@ -60,7 +60,7 @@ _ESCAPES = {
 }
 
 
-def latex(table: Table) -> str:
+def export(table: Table) -> str:
     """A ``table`` environment with the notes below the rows."""
     groups = column_groups(table.columns)
     alignment = "".join("r" * (group.stop - group.start) for group in groups)

@@ -14,7 +14,7 @@ _KINDS: dict[ColumnKind, tuple[str, str]] = {
 }
 
 
-def markdown(table: Table) -> str:
+def export(table: Table) -> str:
     """A Markdown table followed by its notes as a list.
 
     Markdown has no column groups, so methods with access to expert actions carry a mark instead.

@@ -1,8 +1,16 @@
-// The page: knobs that switch between the table's views, columns that sort, cells that tell, commands that copy.
+// The page: knobs that switch between the table's views, columns that sort, cells with details, commands to copy.
+"use strict";
 
-const evidence = JSON.parse(document.getElementById("evidence").textContent);
+const known = JSON.parse(document.getElementById("views").textContent);
 const scoreTable = document.getElementById("scores");
 const byId = (id) => document.getElementById(id);
+
+function make(name, attributes = {}, ...content) {
+  const node = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+  node.append(...content);
+  return node;
+}
 
 // Knobs
 
@@ -14,10 +22,10 @@ function setText(id, text) {
 function showHighlights(view) {
   for (const line of scoreTable.tBodies[0].rows) {
     const row = Number(line.dataset.row);
-    evidence.positions.forEach((position, column) => {
+    known.positions.forEach((position, column) => {
       const cell = line.querySelector(`[data-column="${position}"]`);
       cell.classList.toggle("highlighted", view.highlighted[row].includes(column));
-      cell.querySelector(".dagger").textContent = view.lost[row].includes(column) ? evidence.labels.lost : "";
+      cell.querySelector(".dagger").textContent = view.lost[row].includes(column) ? known.labels.lost : "";
     });
   }
 }
@@ -25,7 +33,7 @@ function showHighlights(view) {
 function showNotes(notes) {
   const shown = document.querySelectorAll('#notes [data-kind="highlight"]');
   const fresh = notes.map(([label, text]) =>
-    make("div", { "data-kind": "highlight" }, make("dt", {}, label), " ", make("dd", {}, evidence.texts[text])),
+    make("div", { "data-kind": "highlight" }, make("dt", {}, label), " ", make("dd", {}, known.texts[text])),
   );
   shown[0].before(...fresh);
   for (const old of shown) old.remove();
@@ -50,20 +58,20 @@ function showPairs(view) {
     });
   }
   if (byId("pairs")) byId("pairs").hidden = view.pairs.every((counts) => counts === null);
-  setText("pairs-how", evidence.texts[view.pairsHow]);
+  setText("pairs-how", known.texts[view.pairsHow]);
 }
 
 function apply(form) {
   const [test, scope, correction, alpha] = ["test", "scope", "correction", "alpha"].map((name) => form.elements[name].value);
-  const obstacle = evidence.unavailable[`${test} ${scope}`];
+  const obstacle = known.unavailable[`${test} ${scope}`];
   setText("status", obstacle ? `The test cannot be made: ${obstacle} The table still shows the choice before.` : "");
   if (obstacle) return;
-  const view = evidence.views[`${test} ${scope} ${correction} ${alpha}`];
+  const view = known.views[`${test} ${scope} ${correction} ${alpha}`];
   showHighlights(view);
   showNotes(view.notes);
-  showSeeds(evidence.texts[view.seeds]);
+  showSeeds(known.texts[view.seeds]);
   showPairs(view);
-  for (const name of ["verdict", "how", "design"]) setText(name, evidence.texts[view[name]]);
+  for (const name of ["verdict", "how", "design"]) setText(name, known.texts[view[name]]);
   const options = `--test ${test} --scope ${scope} --correction ${correction} --alpha ${alpha}`;
   for (const span of document.querySelectorAll(".knob-options")) span.textContent = options;
 }
@@ -102,7 +110,7 @@ function sortTable(table, heading, state) {
     const [first, second] = [keys.get(one), keys.get(two)];
     const original = Number(one.dataset.place) - Number(two.dataset.place);
     if (state === "none") return original;
-    // What has no number comes last, whichever way round.
+    // Rows without a number come last, whichever way round.
     if (first === null || second === null) return (first === null) - (second === null) || original;
     return sign * compareKeys(first, second) || original;
   });
@@ -132,7 +140,7 @@ function startSorting(table) {
 
 // Cells
 
-function placeBeside(panel, cell) {
+function placeNear(panel, cell) {
   const gap = 8;
   const box = cell.getBoundingClientRect();
   const { offsetWidth: width, offsetHeight: height } = panel;
@@ -145,22 +153,22 @@ function placeBeside(panel, cell) {
 
 function startCells() {
   const panel = byId("details");
-  const columnAt = new Map(evidence.positions.map((position, column) => [position, column]));
   let shown = null;
   const hide = () => {
-    if (shown) shown.classList.remove("told");
+    if (shown) shown.classList.remove("chosen");
     shown = null;
     panel.hidden = true;
   };
   const show = (cell) => {
     if (cell === shown) return;
     hide();
-    const column = columnAt.get(Number(cell.dataset.column));
-    if (column === undefined || !describeCell(evidence, panel, Number(cell.parentNode.dataset.row), column)) return;
+    const details = byId(`cell-${cell.parentNode.dataset.row}-${cell.dataset.column}`);
+    if (!details) return;
+    panel.replaceChildren(details.content.cloneNode(true));
     shown = cell;
-    cell.classList.add("told");
+    cell.classList.add("chosen");
     panel.hidden = false;
-    placeBeside(panel, cell);
+    placeNear(panel, cell);
   };
   const cellOf = (event) => event.target.closest?.("td[data-column]");
   const body = scoreTable.tBodies[0];
@@ -193,7 +201,7 @@ function startCells() {
     if (!shown) return;
     const { top, bottom } = shown.getBoundingClientRect();
     if (bottom < 0 || top > window.innerHeight) hide();
-    else placeBeside(panel, shown);
+    else placeNear(panel, shown);
   };
   window.addEventListener("scroll", follow, { passive: true });
   window.addEventListener("resize", follow, { passive: true });
