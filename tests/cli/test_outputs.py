@@ -199,7 +199,7 @@ def test_ascii_and_narrow_terminals_read_every_view(view: tuple[str, ...], folde
     names = {"A": "dilo", "B": "bc"}
     given = [names.get(word, word) for word in view]
     out = [] if view[0] in ("ls", "audit", "--help") else ["--out", str(folder)]
-    extra = ["--scope", "all"] if view[0] == "plan" else []
+    extra = ["--scope", "all"] if view[0] == "power" else []
     command = arguments(*given, *out, *extra)
     done = process(command, env={"PYTHONIOENCODING": "ascii", "LC_ALL": "C", "COLUMNS": "30"})
     assert done.code == 0 and "Traceback" not in done.err, done.err
