@@ -44,7 +44,7 @@ def plain_loop(
             while not over:
                 batch = torch.zeros(seeds, episodes, change.size)
                 batch[seed, episode] = torch.from_numpy(change(np.asarray(observation, np.float32)))
-                action = method.act(batch)[seed, episode].numpy()
+                action = method.act(batch)[seed, episode].detach().numpy()
                 observation, reward, terminated, truncated, _ = environment.step(action)
                 total, steps, over = total + float(reward), steps + 1, terminated or truncated
             environment.close()
