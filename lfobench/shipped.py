@@ -59,8 +59,10 @@ def replaced(package: str) -> dict[str, str]:
     """Modules of a package that ships, by name, in whose place another file was imported before, to that file."""
     found = {}
     for name, module in list(sys.modules.items()):
-        file = getattr(module, "__file__", None)
-        if file and name.startswith(f"{package}.") and is_shipped(name):
+        if not name.startswith(f"{package}.") or not is_shipped(name):
+            continue
+        # Last, because asking a module for an attribute may load what it stands for.
+        if file := getattr(module, "__file__", None):
             own = [place.resolve() for place in _places(name)]
             if Path(file).resolve() not in own:
                 found[name] = str(file)
