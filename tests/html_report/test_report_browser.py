@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from typing import Any, get_args
 
 import pytest
 from helpers_records import make_cell
+from PIL import Image
 
 from lfobench.html_report.knobs import in_scope, pair_counts
 from lfobench.html_report.page import report
@@ -231,6 +233,11 @@ def test_curves_appear_under_the_pointer(page: Any) -> None:
     assert details.locator(".mean-line").count() == 1
     assert "t-interval" in details.inner_text()
     assert "failed, not counted seed 9" in details.inner_text()
+    svg = details.locator("svg")
+    used = svg.evaluate("(svg) => svg.querySelector('use').getBBox().width > 200")
+    assert used, "the axes of the task"
+    drawn = Image.open(io.BytesIO(svg.screenshot())).convert("L")
+    assert sum(drawn.histogram()[:64]) < 0.1 * drawn.width * drawn.height, "lines and labels, no black areas"
     page.locator("h1").hover()
     assert details.is_hidden()
 
