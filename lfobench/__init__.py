@@ -1,8 +1,8 @@
 """lfobench: a benchmark of offline learning from observation.
 
-The rooms of the house, in the order in which data flows:
-``cli`` -> ``plan`` -> ``data`` -> ``engine`` -> ``executors`` -> ``store`` -> ``stats`` -> ``render``.
-``contract`` holds what methods and suites agree on with the harness; ``schedule`` carries a plan out on this machine.
+Packages in the order in which data flows: ``cells``, ``data``, ``engine`` and ``schedule``, ``records``, ``stats``,
+``tables`` with ``analyses``, ``plots`` and ``html_report``. ``contract`` holds what methods and suites agree on
+with the harness, ``nn`` the blocks that methods are built of.
 """
 
 from __future__ import annotations

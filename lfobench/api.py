@@ -151,6 +151,8 @@ def run(
         KeyboardInterrupt: after Ctrl-C, when every run is saved; the same call continues.
     """
     # Imported here because it loads the simulators, and views need none of them.
+    import torch
+
     from lfobench.schedule.jobs import arranged, forecast, resolve, within_memory
 
     # True while a worker process imports the script: `multiprocessing` itself goes by it.
@@ -178,11 +180,16 @@ def run(
     folder = RecordFolder(Path(out))
     plan = resolve(wanted, folder.root if tuned else None)
     read = read_folder(folder.root)
-    todo = within_memory(arranged(plan, read, folder.root, workers, rerun), workers)
-    expected = forecast(todo)
-    for warning in [*read.warnings, *expected.warnings]:
-        warnings.warn(f"{warning.what} {warning.remedy}", stacklevel=2)
-    problems = _carry_out(todo, expected, folder.root, progress) if todo.jobs else []
+    # The caller's own number of threads: measuring and training set it.
+    threads = torch.get_num_threads()
+    try:
+        todo = within_memory(arranged(plan, read, folder.root, workers, rerun), workers)
+        expected = forecast(todo)
+        for warning in [*read.warnings, *expected.warnings]:
+            warnings.warn(f"{warning.what} {warning.remedy}", stacklevel=2)
+        problems = _carry_out(todo, expected, folder.root, progress) if todo.jobs else []
+    finally:
+        torch.set_num_threads(threads)
     left = _left(plan, read_folder(folder.root), folder)
     if problems and not left.records:
         raise UserError(f"None of the runs has left a record. {problems[0]}.", "The same call tries again.")
@@ -209,15 +216,10 @@ def _left(plan: Plan, read: RecordsRead, folder: RecordFolder) -> Selection:
 
 def _carry_out(todo: Schedule, expected: Forecast, out: Path, progress: Callable[[str], None] | None) -> list[str]:
     """Why jobs did not end with their records, in words."""
-    import torch
-
     from lfobench.schedule.execution import Lines, StopRequest, execute_schedule
 
-    lines, threads = Lines(progress or (lambda line: None)), torch.get_num_threads()
-    try:
-        tally = execute_schedule(todo, expected, out, StopRequest(), lines)
-    finally:
-        torch.set_num_threads(threads)
+    lines = Lines(progress or (lambda line: None))
+    tally = execute_schedule(todo, expected, out, StopRequest(), lines)
     if tally.stopped:
         raise KeyboardInterrupt
     return lines.problems

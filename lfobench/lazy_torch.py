@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Sequence
-from importlib.machinery import ModuleSpec
+from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any
 
@@ -50,8 +50,9 @@ class _Submodules:
 
 def install() -> None:
     """Let ``import torch`` cost nothing until torch is used; no effect where it is loaded."""
-    if NAME not in sys.modules:
+    if NAME not in sys.modules and (spec := PathFinder.find_spec(NAME)) is not None:
         sys.modules[NAME] = _StandIn(NAME)
+        sys.modules[NAME].__spec__ = spec  # for libraries that ask whether torch is installed
         sys.meta_path.insert(0, _Submodules())
 
 

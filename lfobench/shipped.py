@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import spec_from_file_location
 from pathlib import Path
@@ -31,8 +32,12 @@ class _ShippedFirst:
 
 def _folders(name: str) -> list[str]:
     """The package's own folder, then those of its name on Python's path."""
-    others = (Path(entry or ".").resolve() / name for entry in sys.path)
-    return list(dict.fromkeys(str(folder) for folder in (HOME / name, *others) if folder.is_dir()))
+    found = [str(HOME / name)]
+    for entry in sys.path:
+        with suppress(OSError):  # a working folder that was deleted, say
+            if (folder := Path(entry or ".").resolve() / name).is_dir():
+                found.append(str(folder))
+    return list(dict.fromkeys(found))
 
 
 def put_first() -> None:

@@ -190,10 +190,13 @@ class Dilo(Method):
 
     def update_value(self, offline: Batch, expert: Batch) -> Metrics:
         """One step of V along the orthogonal gradient."""
-        # The batches share the pass through V(s', s''): two passes would round the sum of their gradients differently.
+        # The batches share passes: with passes of their own, sums and products would round differently.
         successors = torch.cat((next_pair(offline), next_pair(expert)), dim=1)
         next_offline, next_expert = self.value(successors).squeeze(-1).chunk(2, dim=-1)
-        on_offline, on_expert = self.residuals(offline, next_offline), self.residuals(expert, next_expert)
+        targets = self.target_values(torch.cat((pair(offline), pair(expert), successors), dim=1))
+        target_offline, target_expert, next_target_offline, next_target_expert = targets.chunk(4, dim=-1)
+        on_offline = self.residuals(offline, next_offline, target_offline, next_target_offline)
+        on_expert = self.residuals(expert, next_expert, target_expert, next_target_expert)
         losses = self.value_losses(on_offline, on_expert)
         gradient = self.orthogonal_sum(
             self.value.gradient(losses.linear, retain_graph=True),
@@ -208,14 +211,13 @@ class Dilo(Method):
             "backward_loss": losses.backward.detach(),
         }
 
-    def residuals(self, batch: Batch, next_value: Tensor) -> Residuals:
+    def residuals(self, batch: Batch, next_value: Tensor, target: Tensor, next_target: Tensor) -> Residuals:
         """``e = gamma (1 - d) Vbar(s', s'') - V(s, s')`` and ``b = gamma (1 - d) V(s', s'') - Vbar(s, s')``."""
         value = self.value(pair(batch)).squeeze(-1)
-        target, next_target = self.target_value(pair(batch)), self.target_value(next_pair(batch))
         discount = (self.config.discount * (1.0 - batch["terminated"]))[:, None]
         return Residuals(value, forward=discount * next_target - value, backward=discount * next_value - target)
 
-    def target_value(self, pairs: Tensor) -> Tensor:
+    def target_values(self, pairs: Tensor) -> Tensor:
         """``Vbar``, the minimum over the target twins, ``[S, 1, B]``; no gradient."""
         with torch.no_grad():
             return self.target(pairs).squeeze(-1).amin(1, keepdim=True)

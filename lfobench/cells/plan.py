@@ -140,17 +140,27 @@ def _check_actions(cell: Cell) -> None:
         )
 
 
-DRIVERS = tuple(map(Path, ("/dev/nvidiactl", "/dev/kfd", "/dev/dxg")))
-"""Devices of which Linux has one where torch can find a GPU."""
+GPU_DEVICES = tuple(map(Path, ("/dev/nvidiactl", "/dev/nvhost-ctrl", "/dev/kfd", "/dev/dxg")))
+"""Devices of GPUs that are on no PCI bus, or that a driver has already opened."""
+PCI = Path("/sys/bus/pci/devices")
+GPU_VENDORS = {"0x10de", "0x1002"}
 
 
 def cuda_is_available() -> bool:
-    """Whether torch finds a GPU; without a driver nobody needs to load torch to know."""
-    if sys.platform == "linux" and not any(driver.exists() for driver in DRIVERS):
+    """Whether torch finds a GPU; on a machine that surely has none nobody needs to load torch to know."""
+    if sys.platform == "linux" and PCI.is_dir() and not _may_have_gpu():
         return False
     import torch
 
     return torch.cuda.is_available()
+
+
+def _may_have_gpu() -> bool:
+    # The vendors on the bus, because a driver makes its devices only when somebody first uses it.
+    vendors = (place.joinpath("vendor") for place in PCI.iterdir())
+    return any(device.exists() for device in GPU_DEVICES) or any(
+        vendor.is_file() and vendor.read_text(encoding="ascii").strip() in GPU_VENDORS for vendor in vendors
+    )
 
 
 def choose_device(name: str, cuda_available: Callable[[], bool]) -> str:

@@ -55,7 +55,7 @@ def run(
     if not as_json:
         planned.show(todo, out)
     with errors.status("Measuring this machine…"):
-        todo = todo if dry_run else within_memory(todo, workers)
+        todo = within_memory(todo, workers)
         expected = forecast(todo)
     if as_json:
         print_json(planned.as_json(todo, expected))

@@ -74,7 +74,7 @@ def tune(
     if not as_json:
         planned.show(todo, folder.trials.root)
     with errors.status("Measuring this machine…"):
-        todo = todo if dry_run else within_memory(todo, workers)
+        todo = within_memory(todo, workers)
         expected = forecast(todo)
     if not as_json:
         planned.show_forecast(todo, expected)

@@ -6,12 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import torch
-
-if TYPE_CHECKING:
-    pass
 
 # Libraries, allocators and graphs take more than the tensors themselves.
 MARGIN = 1.5

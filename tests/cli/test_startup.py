@@ -53,6 +53,8 @@ from lfobench import lazy_torch
 lazy_torch.install()
 import torch
 import methods.dilo
+import importlib.util
+assert importlib.util.find_spec("torch") is not None
 assert not lazy_torch.is_loaded()
 import torch.nn.functional as functional
 from torch import nn
