@@ -1,15 +1,10 @@
-"""An audit for a terminal and in Markdown: the verdict first, then the tables."""
+"""An audit of a publication as text: the verdict first, then every table with its rows and notes; and as JSON."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from textwrap import wrap
+from dataclasses import asdict, dataclass
 from typing import Any
-
-from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
-from rich.text import Text
 
 from lfobench.records.publication import Publication
 from lfobench.stats.audit import (
@@ -26,79 +21,79 @@ from lfobench.stats.audit import (
 )
 from lfobench.stats.contradictions import Contradiction
 from lfobench.stats.options import Correction
-from lfobench.tables.exporters.markdown import escape
-from lfobench.tables.exporters.terminal import Section, aligned, wrapped
+from lfobench.tables.document import Document, Grid, Heading, Items, Notes, Paragraphs, Part, Section
+from lfobench.tables.exporters.json import json_text
 from lfobench.tables.footnote import CORRECTIONS, TESTS
 from lfobench.tables.table import MISSING, Note
 from lfobench.text import counted
 
-
-@dataclass(frozen=True)
-class Grid:
-    """Rows of text: `columns` names the cells, the first of a row being what it is about."""
-
-    heading: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
-@dataclass(frozen=True)
-class TableReport:
-    """One table: what follows, the rows, and what a reader must know to judge them."""
-
-    title: str
-    summary: tuple[str, ...]
-    grids: tuple[Grid, ...]
-    notes: tuple[Note, ...]
-
-
-def contradiction_notes(contradictions: Sequence[Contradiction]) -> Iterator[Note]:
-    """One note for each of what was found in the numbers."""
-    for found in contradictions:
-        yield Note("Contradiction", f"{f'{found.where}: ' if found.where else ''}{found.text}.")
-
-
-def p_text(p: float | None) -> str:
-    """A p-value to four decimals; a dash where there was no test."""
-    if p is None:
-        return MISSING
-    return "<0.0001" if p < 0.0001 else f"{p:.4f}"
-
-
-def methods_text(methods: frozenset[str] | None) -> str:
-    """Names in the order of the alphabet; a dash for none."""
-    return ", ".join(sorted(methods)) if methods else MISSING
-
-
-def listed(before: str, names: Sequence[str]) -> str:
-    """``before`` and the names; nothing where there is no name."""
-    return f"{before} {', '.join(names)}" if names else ""
-
+COUNT_TESTS: dict[CountTest, str] = {
+    "fisher": "Fisher's exact test",
+    "boschloo": "Boschloo's exact test",
+}
 
 _NEEDED = "needs n"
 _NO_N = "nothing was tested, because n is not stated (say it with --n)"
 
 
-def means_in_short(audit: MeansAudit) -> str:
-    """What follows, without the table's name: the part of the verdict."""
+@dataclass(frozen=True)
+class Audit:
+    """A publication, and one audit per table of it."""
+
+    publication: Publication
+    tables: tuple[MeansAudit | CountsAudit, ...]
+
+
+def document(audit: Audit) -> Document:
+    """The audit for a terminal and in Markdown."""
+    publication = audit.publication
+    parts: list[Part] = [Heading(f"Audit of {publication.name}", 1)]
+    if publication.paper:
+        parts.append(Paragraphs((publication.paper,), "dim"))
+    parts.append(Paragraphs((verdict(audit),), "bold"))
+    for table in audit.tables:
+        parts += _means_parts(table) if isinstance(table, MeansAudit) else _counts_parts(table)
+    if publication.contradictions:
+        stated = tuple(f"{each.about}: {each.first}; {each.second}." for each in publication.contradictions)
+        parts += [Heading("Stated by the transcriber, not computed"), Items(stated)]
+    return Document(tuple(parts))
+
+
+def verdict(audit: Audit) -> str:
+    """One paragraph: what follows from the numbers and what does not."""
+    parts = [
+        f"{table.table.title}: {_means_verdict(table) if isinstance(table, MeansAudit) else _counts_verdict(table)}"
+        for table in audit.tables
+    ]
+    computed = sum(len(table.contradictions) for table in audit.tables)
+    stated = len(audit.publication.contradictions)
+    found = f"Contradictions: {computed} in the numbers"
+    return " ".join([*parts, f"{found}, {stated} in the text as its transcriber states." if stated else f"{found}."])
+
+
+# Tables of means
+
+
+def _means_verdict(audit: MeansAudit) -> str:
     if not audit.by_n:
-        said = _reproducing(audit)
-        return f"{_NO_N}{f'; {said}' if said else ''}."
+        reproduced = _reproducing(audit)
+        return f"{_NO_N}{f'; {reproduced}' if reproduced else ''}."
     sentences = []
     for at_n in audit.by_n:
         judged, winners = at_n.judged, at_n.winners
         follow = sum(bool(row.follows) for row in judged)
-        says = f"{follow} of {len(judged)} printed highlights follow" if judged else "no printed highlight to judge"
+        text = f"{follow} of {len(judged)} printed highlights follow" if judged else "no printed highlight to judge"
         left = len(winners) - len(at_n.lost("holm"))
-        single = counted(len(winners), "single winner", "single winners")
+        single = counted(len(winners), "single winner")
         open_rows = len(at_n.undecided_by_print)
         blurred = f", {open_rows} not decided by the printed numbers" if open_rows else ""
-        sentences.append(f"with {_n(at_n)}, {says}{blurred}, and Holm leaves {left} of {single}")
+        sentences.append(f"with {_n(at_n)}, {text}{blurred}, and Holm leaves {left} of {single}")
     return f"{'; '.join(sentences)}."
 
 
-def report_means(audit: MeansAudit) -> TableReport:
+def _means_parts(audit: MeansAudit) -> Iterator[Part]:
     """Everything, with a grid of rows per number of samples."""
+    yield Heading(audit.table.title)
     summary = [
         f"Rule: {TESTS[audit.rule.test]} of best against second best in a row, among {', '.join(audit.compared)}; the "
         f"best alone is highlighted if p < {audit.rule.alpha:g}, both otherwise. "
@@ -106,11 +101,14 @@ def report_means(audit: MeansAudit) -> TableReport:
         *(_follows(audit, at_n) for at_n in audit.by_n),
     ]
     if not audit.by_n:
-        summary.append(f"{_NO_N[0].upper()}{_NO_N[1:]}.")
-    if said := _reproducing(audit):
-        summary.append(f"{said[0].upper()}{said[1:]}.")
-    grids = tuple(_at_n(audit, at_n) for at_n in audit.by_n) or (_without_n(audit),)
-    return TableReport(audit.table.title, tuple(summary), grids, tuple(_means_notes(audit)))
+        summary.append(f"{_sentence(_NO_N)}.")
+    if reproduced := _reproducing(audit):
+        summary.append(f"{_sentence(reproduced)}.")
+    yield Paragraphs(tuple(summary))
+    yield from (_at_n(audit, at_n) for at_n in audit.by_n)
+    if not audit.by_n:
+        yield _without_n(audit)
+    yield Notes(tuple(_means_notes(audit)))
 
 
 def _follows(audit: MeansAudit, at_n: AuditAtN) -> str:
@@ -119,24 +117,26 @@ def _follows(audit: MeansAudit, at_n: AuditAtN) -> str:
     text = f"With {_n(at_n)}{f' ({where})' if where else ''}: "
     if open_rows := at_n.undecided_by_print:
         text += f"{counted(len(open_rows), 'row is', 'rows are')} not decided by the printed numbers"
-        text += f"{listed(':', [row.name for row in open_rows])}. "
+        text += f"{_listed(':', [row.name for row in open_rows])}. "
     if judged:
-        text += f"{len([row for row in judged if row.follows])} of {len(judged)} printed highlights follow"
-        against = [
-            f"{row.name} ({methods_text(row.printed)} printed, {methods_text(row.ruled)} by the rule)" for row in judged
+        contrary = [
+            f"{row.name} ({_names(row.printed)} printed, {_names(row.ruled)} by the rule)"
+            for row in judged
+            if not row.follows
         ]
-        text += listed("; not", [line for line, row in zip(against, judged, strict=True) if not row.follows])
-        text += ". "
+        text += f"{len(judged) - len(contrary)} of {len(judged)} printed highlights follow"
+        text += f"{_listed('; not', contrary)}. "
     text += f"{counted(len(winners), 'row has', 'rows have')} a single winner before any correction"
     corrections: tuple[Correction, ...] = ("holm", "bh")
     for correction in corrections:
         lost = at_n.lost(correction)
         text += f"; {CORRECTIONS[correction]} over {len(at_n.tested)} rows leaves {len(winners) - len(lost)}"
-        text += listed(", without", [row.name for row in lost])
+        text += _listed(", without", [row.name for row in lost])
     return f"{text}."
 
 
 def _reproducing(audit: MeansAudit) -> str:
+    """Numbers of samples for which the rule gives every printed highlight; empty where that cannot be asked."""
     tried = f"n from 2 to {LARGEST_N_TRIED}"
     n = audit.reproducing
     if n:
@@ -144,56 +144,35 @@ def _reproducing(audit: MeansAudit) -> str:
             f"n = {n[0]} to {n[-1]}" if len(n) > 2 and n[-1] - n[0] == len(n) - 1 else f"n = {', '.join(map(str, n))}"
         )
         return f"the rule gives every printed highlight for {ranged}, of {tried}"
-    if any(at_n.n is None for at_n in audit.by_n) or not _any_printed(audit):
+    printed = any(cell.highlighted is not None for row in audit.table.rows for cell in row.cells.values())
+    if any(at_n.n is None for at_n in audit.by_n) or not printed:
         return ""
     return f"the rule gives every printed highlight for no {tried}"
 
 
-def _any_printed(audit: MeansAudit) -> bool:
-    return any(row.cells[method].highlighted is not None for row in audit.table.rows for method in row.cells)
-
-
 def _at_n(audit: MeansAudit, at_n: AuditAtN) -> Grid:
-    columns = ("highlighted", "verdict", "p", "Holm", "BH", _NEEDED)
     rows = [
         (
             row.name,
-            methods_text(row.printed),
-            _verdict(audit, at_n, row),
-            _p(row),
-            p_text(row.holm),
-            p_text(row.bh),
+            _names(row.printed),
+            f"{'does not follow: ' if row.follows is False else ''}{_outcome(audit, at_n, row)}",
+            _p_range(row),
+            _p(row.holm),
+            _p(row.bh),
             _needed(effect),
         )
         for row, effect in zip(at_n.rows, audit.effects, strict=True)
     ]
-    return Grid(f"{audit.table.title}, {_n(at_n)}", columns, tuple(rows))
-
-
-def _p(row: AuditedRow) -> str:
-    """With what unprinted digits leave open, where that is what decides."""
-    if row.p_range is None or row.decided:
-        return p_text(row.p)
-    low, high = map(p_text, row.p_range)
-    return f"{low} to {high}"
+    columns = ("highlighted", "verdict", "p", "Holm", "BH", _NEEDED)
+    return Grid(columns, [Section(f"{audit.table.title}, {_n(at_n)}", "italic", rows)])
 
 
 def _without_n(audit: MeansAudit) -> Grid:
-    rows = [
-        (row.name, methods_text(_marked(audit, index)), effect.best if effect else MISSING, _needed(effect))
-        for index, (row, effect) in enumerate(zip(audit.table.rows, audit.effects, strict=True))
-    ]
-    return Grid(f"{audit.table.title}, n not stated", ("highlighted", "best", _NEEDED), tuple(rows))
-
-
-def _marked(audit: MeansAudit, index: int) -> frozenset[str]:
-    cells = audit.table.rows[index].cells
-    return frozenset(method for method in audit.compared if method in cells and cells[method].highlighted)
-
-
-def _verdict(audit: MeansAudit, at_n: AuditAtN, row: AuditedRow) -> str:
-    against = "does not follow: " if row.follows is False else ""
-    return f"{against}{_outcome(audit, at_n, row)}"
+    rows = []
+    for row, effect in zip(audit.table.rows, audit.effects, strict=True):
+        marked = frozenset(method for method in audit.compared if method in row.cells and row.cells[method].highlighted)
+        rows.append((row.name, _names(marked), effect.best if effect else MISSING, _needed(effect)))
+    return Grid(("highlighted", "best", _NEEDED), [Section(f"{audit.table.title}, n not stated", "italic", rows)])
 
 
 def _outcome(audit: MeansAudit, at_n: AuditAtN, row: AuditedRow) -> str:
@@ -205,14 +184,22 @@ def _outcome(audit: MeansAudit, at_n: AuditAtN, row: AuditedRow) -> str:
         return "not decided by the printed numbers"
     if row.outcome == "better":
         lost = audit.rule.correction != "holm" and row in at_n.lost("holm")
-        # Where the highlight follows, it names the winner beside the verdict.
-        named = "" if row.follows else f"{methods_text(row.ruled)} "
+        # Where the highlight follows, its column names the winner already.
+        named = "" if row.follows else f"{_names(row.ruled)} "
         return f"{named}better{', Holm undecided' if lost else ''}"
     return f"undecided{', better uncorrected' if row in at_n.winners else ''}"
 
 
+def _p_range(row: AuditedRow) -> str:
+    """p; where unprinted digits decide, the range that they leave open."""
+    if row.p_range is None or row.decided:
+        return _p(row.p)
+    low, high = map(_p, row.p_range)
+    return f"{low} to {high}"
+
+
 def _means_notes(audit: MeansAudit) -> Iterator[Note]:
-    yield from contradiction_notes(audit.contradictions)
+    yield from _contradiction_notes(audit.contradictions)
     yield Note(
         _NEEDED.capitalize(),
         f"samples of each of the two for power {POWER:g} by Welch's test at {audit.rule.alpha:g}; in brackets, at the "
@@ -260,60 +247,57 @@ def _needed(effect: Effect | None) -> str:
     return f"{effect.needed} ({effect.needed_by_holm or f'>{MOST_SEEDS}'})"
 
 
-COUNT_TESTS: dict[CountTest, str] = {
-    "fisher": "Fisher's exact test",
-    "boschloo": "Boschloo's exact test",
-}
+# Tables of counts
 
 
-def counts_in_short(audit: CountsAudit) -> str:
-    """What follows, without the table's name: the part of the verdict."""
+def _counts_verdict(audit: CountsAudit) -> str:
     better = [row for row in audit.rows if row.outcome == "better"]
     closest, test = audit.closest, COUNT_TESTS[audit.rule.test]
     if closest is None:
         return "no row has two methods to compare."
-    names = listed(":", [row.name for row in better])
     text = (
-        f"{counted(len(better), 'row has', 'rows have') if better else 'no row has'} a better method by {test}{names}"
+        f"{counted(len(better), 'row has', 'rows have') if better else 'no row has'} a better method by {test}"
+        f"{_listed(':', [row.name for row in better])} (smallest p {_p(closest.p)}, {closest.name})"
     )
-    text += f" (smallest p {p_text(closest.p)}, {closest.name})"
     highlighted = [row for row in audit.rows if row.printed]
     merely = [row for row in highlighted if row.merely_largest]
     return f"{text}; {len(merely)} of {len(highlighted)} highlighted rows mark merely the largest count."
 
 
-def report_counts(audit: CountsAudit) -> TableReport:
-    """Everything, in one grid of rows."""
-    rule = audit.rule
-    short = counts_in_short(audit)
-    summary = (
-        f"Rule: {COUNT_TESTS[rule.test]}, two-sided, of best against second best in a row, among "
-        f"{', '.join(audit.compared)}; better if p < {rule.alpha:g}. "
-        f"Correction for multiple comparisons: {CORRECTIONS[rule.correction]}.",
-        f"{short[0].upper()}{short[1:]}",
+def _counts_parts(audit: CountsAudit) -> Iterator[Part]:
+    """Everything: verdicts in one grid of rows, rates in another."""
+    rule, title = audit.rule, audit.table.title
+    yield Heading(title)
+    yield Paragraphs(
+        (
+            f"Rule: {COUNT_TESTS[rule.test]}, two-sided, of best against second best in a row, among "
+            f"{', '.join(audit.compared)}; better if p < {rule.alpha:g}. "
+            f"Correction for multiple comparisons: {CORRECTIONS[rule.correction]}.",
+            _sentence(_counts_verdict(audit)),
+        )
     )
-    verdicts = tuple(
-        (row.name, methods_text(row.printed), _counts_verdict(row), p_text(row.p), p_text(row.holm), p_text(row.bh))
-        for row in audit.rows
-    )
-    rates = tuple(
+    verdicts = [
+        (row.name, _names(row.printed), _counts_outcome(row), _p(row.p), _p(row.holm), _p(row.bh)) for row in audit.rows
+    ]
+    rates = [
         (row.name, *(_rate(audit, index, method) for method in audit.compared)) for index, row in enumerate(audit.rows)
+    ]
+    yield Grid(("highlighted", "verdict", "p", "Holm", "BH"), [Section(title, "italic", verdicts)])
+    yield Grid(audit.compared, [Section(f"{title}, successes", "italic", rates)])
+    yield Notes(
+        (
+            *_contradiction_notes(audit.contradictions),
+            Note("Brackets", "Wilson's 95% interval of the success rate."),
+            Note(
+                "Trials", "taken as independent; trials of one trained policy share its seed, and then p is too small."
+            ),
+        )
     )
-    grids = (
-        Grid(audit.table.title, ("highlighted", "verdict", "p", "Holm", "BH"), verdicts),
-        Grid(f"{audit.table.title}, successes", audit.compared, rates),
-    )
-    notes = (
-        *contradiction_notes(audit.contradictions),
-        Note("Brackets", "Wilson's 95% interval of the success rate."),
-        Note("Trials", "taken as independent; trials of one trained policy share its seed, and then p is too small."),
-    )
-    return TableReport(audit.table.title, summary, grids, notes)
 
 
-def _counts_verdict(row: AuditedCounts) -> str:
+def _counts_outcome(row: AuditedCounts) -> str:
     if row.outcome == "better":
-        return f"{methods_text(row.best)} better"
+        return f"{_names(row.best)} better"
     return "no competitor" if row.outcome == "unopposed" else "undecided"
 
 
@@ -324,114 +308,36 @@ def _rate(audit: CountsAudit, index: int, method: str) -> str:
     return f"{cell.successes}/{cell.trials} [{interval.low:.2f}, {interval.high:.2f}]"
 
 
-@dataclass(frozen=True)
-class Audit:
-    """What is rendered.
-
-    Attributes:
-        publication: what was audited.
-        tables: one audit per table.
-    """
-
-    publication: Publication
-    tables: tuple[MeansAudit | CountsAudit, ...]
+# Texts of both
 
 
-def verdict(audit: Audit) -> str:
-    """One paragraph: what follows from the numbers and what does not."""
-    parts = [
-        f"{table.table.title}: {means_in_short(table) if isinstance(table, MeansAudit) else counts_in_short(table)}"
-        for table in audit.tables
-    ]
-    computed = sum(len(table.contradictions) for table in audit.tables)
-    stated = len(audit.publication.contradictions)
-    found = f"Contradictions: {computed} in the numbers"
-    return " ".join([*parts, f"{found}, {stated} in the text as its transcriber states." if stated else f"{found}."])
+def _contradiction_notes(contradictions: Sequence[Contradiction]) -> Iterator[Note]:
+    for found in contradictions:
+        yield Note("Contradiction", f"{f'{found.where}: ' if found.where else ''}{found.text}.")
 
 
-def table_reports(audit: Audit) -> list[TableReport]:
-    """Every table of the audit."""
-    return [report_means(table) if isinstance(table, MeansAudit) else report_counts(table) for table in audit.tables]
+def _p(p: float | None) -> str:
+    """A p-value to four decimals; a dash where there was no test."""
+    if p is None:
+        return MISSING
+    return "<0.0001" if p < 0.0001 else f"{p:.4f}"
 
 
-def stated_contradictions(audit: Audit) -> list[str]:
-    """What only the paper's prose shows; not computed."""
-    return [f"{stated.about}: {stated.first}; {stated.second}." for stated in audit.publication.contradictions]
+def _names(methods: frozenset[str] | None) -> str:
+    """Names in the order of the alphabet; a dash for none."""
+    return ", ".join(sorted(methods)) if methods else MISSING
 
 
-_STATED = "Stated by the transcriber, not computed"
+def _listed(before: str, names: Sequence[str]) -> str:
+    """``before`` and the names; nothing where there is no name."""
+    return f"{before} {', '.join(names)}" if names else ""
 
 
-def terminal(audit: Audit) -> RenderableType:
-    """What ``Console.print`` draws an audit from."""
-    return _Terminal(audit)
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:]
 
 
-def markdown(audit: Audit) -> str:
-    """The audit in GitHub-flavoured Markdown."""
-    publication = audit.publication
-    lines = [f"# Audit of {escape(publication.name)}", ""]
-    if publication.paper:
-        lines += [f"{escape(publication.paper)}.", ""]
-    lines += [escape(verdict(audit)), ""]
-    for report in table_reports(audit):
-        lines += _markdown_table(report)
-    if stated := stated_contradictions(audit):
-        lines += [f"## {_STATED}", "", *(f"- {escape(text)}" for text in stated), ""]
-    return "\n".join(lines)
-
-
-class _Terminal:
-    def __init__(self, audit: Audit) -> None:
-        self.audit = audit
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        audit, width = self.audit, options.max_width
-        if audit.publication.paper:
-            yield Text(audit.publication.paper, "dim")
-            yield Text()
-        yield from _paragraph(verdict(audit), width, "bold")
-        for report in table_reports(audit):
-            yield Text()
-            yield Text(report.title, "bold")
-            for sentence in report.summary:
-                yield from _paragraph(sentence, width)
-            for grid in report.grids:
-                yield Text()
-                yield from aligned(grid.columns, [Section(grid.heading, "italic", grid.rows)], width)
-            yield Text()
-            yield from wrapped(report.notes, width)
-        if stated := stated_contradictions(audit):
-            yield Text()
-            yield Text(_STATED, "bold")
-            yield from wrapped([Note("-", text) for text in stated], width)
-
-
-def _paragraph(text: str, width: int, style: str = "") -> Iterator[Text]:
-    # A task's name is easier to read and to search for in one piece.
-    for line in wrap(text, width, break_on_hyphens=False):
-        yield Text(line, style)
-
-
-def _markdown_table(report: TableReport) -> Iterator[str]:
-    yield from (f"## {escape(report.title)}", "")
-    for sentence in report.summary:
-        yield from (escape(sentence), "")
-    for grid in report.grids:
-        yield from _markdown_grid(grid)
-    yield from (f"- **{escape(note.label)}**: {escape(note.text)}" for note in report.notes)
-    yield ""
-
-
-def _markdown_grid(grid: Grid) -> Iterator[str]:
-    yield _line((grid.heading, *grid.columns))
-    yield _line((":--", *("--:" for _ in grid.columns)), escaped=False)
-    yield from (_line(row) for row in grid.rows)
-    yield ""
-
-
-def _line(fields: tuple[str, ...], escaped: bool = True) -> str:
-    return f"| {' | '.join(escape(field) if escaped else field for field in fields)} |"
+# JSON
 
 
 def json_audit(audit: Audit) -> str:
@@ -440,39 +346,39 @@ def json_audit(audit: Audit) -> str:
     Numbers of samples are null where more than ``most_samples`` would be needed.
     """
     publication = audit.publication
-    value = {
-        "publication": publication.name,
-        "paper": publication.paper,
-        "verdict": verdict(audit),
-        "power": POWER,
-        "most_samples": MOST_SEEDS,
-        "tables": [_means(table) if isinstance(table, MeansAudit) else _counts(table) for table in audit.tables],
-        "stated_contradictions": [
-            {"about": stated.about, "first": stated.first, "second": stated.second}
-            for stated in publication.contradictions
-        ],
-    }
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+    return json_text(
+        {
+            "publication": publication.name,
+            "paper": publication.paper,
+            "verdict": verdict(audit),
+            "power": POWER,
+            "most_samples": MOST_SEEDS,
+            "tables": [
+                _means_value(table) if isinstance(table, MeansAudit) else _counts_value(table) for table in audit.tables
+            ],
+            "stated_contradictions": [
+                {"about": stated.about, "first": stated.first, "second": stated.second}
+                for stated in publication.contradictions
+            ],
+        }
+    )
 
 
-def _means(audit: MeansAudit) -> dict[str, Any]:
-    rule = audit.rule
+def _means_value(audit: MeansAudit) -> dict[str, Any]:
     return {
-        "table": audit.table.title,
-        "kind": "means",
-        "rule": {"test": rule.test, "correction": rule.correction, "alpha": rule.alpha},
-        "compared": list(audit.compared),
+        **_table_value(audit, "means"),
         "claims_of_n": [{"n": claim.n, "where": claim.where} for claim in audit.table.claims],
         "n_that_give_every_highlight": list(audit.reproducing),
-        "by_n": [_at_n_as_json(at_n) for at_n in audit.by_n],
+        "by_n": [_at_n_value(at_n) for at_n in audit.by_n],
         "effects": [
-            {"row": row.name, **_effect(effect)} for row, effect in zip(audit.table.rows, audit.effects, strict=True)
+            {"row": row.name, **_effect_value(effect)}
+            for row, effect in zip(audit.table.rows, audit.effects, strict=True)
         ],
-        "contradictions": _contradictions(audit.contradictions),
+        "contradictions": [asdict(each) for each in audit.contradictions],
     }
 
 
-def _at_n_as_json(at_n: AuditAtN) -> dict[str, Any]:
+def _at_n_value(at_n: AuditAtN) -> dict[str, Any]:
     return {
         "n": at_n.n,
         "printed_highlights": len(at_n.judged),
@@ -483,46 +389,50 @@ def _at_n_as_json(at_n: AuditAtN) -> dict[str, Any]:
         "lost_by_bh": [row.name for row in at_n.lost("bh")],
         "not_decided_by_the_printed_numbers": [row.name for row in at_n.undecided_by_print],
         "rows": [
-            {**_row(row), "p_range": row.p_range, "follows": row.follows, "by_the_rule": sorted(row.ruled)}
+            {**_row_value(row), "p_range": row.p_range, "follows": row.follows, "by_the_rule": sorted(row.ruled)}
             for row in at_n.rows
         ],
     }
 
 
-def _effect(effect: Effect | None) -> dict[str, Any]:
-    if effect is None:
-        return {"best": None, "second": None, "difference": None, "n_needed": None, "n_needed_by_holm": None}
+def _effect_value(effect: Effect | None) -> dict[str, Any]:
     return {
-        "best": effect.best,
-        "second": effect.second,
-        "difference": effect.difference,
-        "n_needed": effect.needed,
-        "n_needed_by_holm": effect.needed_by_holm,
+        "best": effect and effect.best,
+        "second": effect and effect.second,
+        "difference": effect and effect.difference,
+        "n_needed": effect and effect.needed,
+        "n_needed_by_holm": effect and effect.needed_by_holm,
     }
 
 
-def _counts(audit: CountsAudit) -> dict[str, Any]:
-    rule = audit.rule
+def _counts_value(audit: CountsAudit) -> dict[str, Any]:
     return {
-        "table": audit.table.title,
-        "kind": "counts",
-        "rule": {"test": rule.test, "correction": rule.correction, "alpha": rule.alpha},
-        "compared": list(audit.compared),
-        "smallest_p": audit.closest.p if audit.closest else None,
+        **_table_value(audit, "counts"),
+        "smallest_p": audit.closest and audit.closest.p,
         "merely_the_largest_count": [row.name for row in audit.rows if row.merely_largest],
         "rows": [
             {
-                **_row(row),
+                **_row_value(row),
                 "best": sorted(row.best),
                 "wilson_95": {method: [interval.low, interval.high] for method, interval in row.intervals.items()},
             }
             for row in audit.rows
         ],
-        "contradictions": _contradictions(audit.contradictions),
+        "contradictions": [asdict(each) for each in audit.contradictions],
     }
 
 
-def _row(row: AuditedRow | AuditedCounts) -> dict[str, Any]:
+def _table_value(audit: MeansAudit | CountsAudit, kind: str) -> dict[str, Any]:
+    rule = audit.rule
+    return {
+        "table": audit.table.title,
+        "kind": kind,
+        "rule": {"test": rule.test, "correction": rule.correction, "alpha": rule.alpha},
+        "compared": list(audit.compared),
+    }
+
+
+def _row_value(row: AuditedRow | AuditedCounts) -> dict[str, Any]:
     return {
         "row": row.name,
         "printed": None if row.printed is None else sorted(row.printed),
@@ -531,7 +441,3 @@ def _row(row: AuditedRow | AuditedCounts) -> dict[str, Any]:
         "holm": row.holm,
         "bh": row.bh,
     }
-
-
-def _contradictions(found: tuple[Contradiction, ...]) -> list[dict[str, str]]:
-    return [{"where": each.where, "text": each.text} for each in found]

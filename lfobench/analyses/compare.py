@@ -1,11 +1,12 @@
-"""Which cell is held against which: two methods of one folder by task, two folders by method and task."""
+"""Comparisons: two methods of one folder task by task, or two folders cell by cell, and the verdict on each."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
+from lfobench.analyses.conditions import CellRecords, Difference, differences, refuse_other_conditions
 from lfobench.errors import UserError, unknown_name
 from lfobench.record import Failure, Record, Warning
 from lfobench.score import Statistic
@@ -13,20 +14,20 @@ from lfobench.stats.contrast import Comparison, Contrast, Outcome, best_p, contr
 from lfobench.stats.highlight import DEFAULT_RULE, Rule
 from lfobench.stats.tests import Sample
 from lfobench.tables.building import build_table
-from lfobench.tables.comparable import arrange_columns, check_unmixed, differing_leaves
+from lfobench.tables.comparable import arrange_columns, check_unmixed
 from lfobench.tables.footnote import TESTS, unit
 from lfobench.tables.table import Cell, Column, Note
-from lfobench.text import canonical_json
+from lfobench.text import canonical_json, counted
 
 Variant: TypeAlias = tuple[str, ...]
-"""What makes two columns of two folders the same: method, preset and what was set by hand, not their version."""
+"""Method, preset and settings by hand, not the version: columns of two folders that share them are compared."""
 
 _SHARED_NOTES = ("Score", "Episodes", "Source", "Protocol", "Simulator", "Precision", "Diverged", "Failed")
 
 
 @dataclass(frozen=True)
-class Side:
-    """What is compared: a folder or a method's column.
+class NamedRuns:
+    """Runs that are compared: a folder's, or those of a method's column.
 
     Attributes:
         name: as the user called it.
@@ -42,31 +43,31 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Found:
+class CellRuns:
     """A cell and the records behind it."""
 
     cell: Cell
     records: Sequence[Record]
 
 
-Cells: TypeAlias = Mapping[tuple[str, Variant], Found]
+Cells: TypeAlias = Mapping[tuple[str, Variant], CellRuns]
 
 
-def cells_of(side: Side, statistic: Statistic, tasks: Sequence[str], rule: Rule) -> tuple[Cells, tuple[Note, ...]]:
-    """The cells of a side that have scores, in table order, and its footnote.
+def cells_of(runs: NamedRuns, statistic: Statistic, tasks: Sequence[str], rule: Rule) -> tuple[Cells, tuple[Note, ...]]:
+    """The cells that have scores, in table order, and the footnote of their table.
 
     Raises:
         UserError: records that must not share a table, or two variants of one cell that only their versions or
             configurations tell apart.
     """
     try:
-        # Only whether successes are counted matters: a side has no highlights, which other tests could refuse.
+        # Only whether successes are counted matters: a comparison has no highlights, which other tests could refuse.
         shown = Rule("fisher") if rule.test == "fisher" else DEFAULT_RULE
-        table = build_table(side.records, statistic, shown, tasks, failures=side.failures)
+        table = build_table(runs.records, statistic, shown, tasks, failures=runs.failures)
     except UserError as error:
-        raise UserError(f"{side.name}: {error.problem}", error.remedy) from error
-    columns = arrange_columns(side.records)
-    cells: dict[tuple[str, Variant], Found] = {}
+        raise UserError(f"{runs.name}: {error.problem}", error.remedy) from error
+    columns = arrange_columns(runs.records)
+    cells: dict[tuple[str, Variant], CellRuns] = {}
     for row, column, cell in table.cells():
         if cell is None or cell.sample is None or column not in columns:
             continue
@@ -74,10 +75,10 @@ def cells_of(side: Side, statistic: Statistic, tasks: Sequence[str], rule: Rule)
         key = (row.task, variant_of(records[0]))
         if key in cells:
             raise UserError(
-                f"{side.name} holds {column.method} on {row.task} in two versions or configurations.",
+                f"{runs.name} holds {column.method} on {row.task} in two versions or configurations.",
                 "Put the records of one of them into a folder of their own.",
             )
-        cells[key] = Found(cell, records)
+        cells[key] = CellRuns(cell, records)
     return cells, table.notes
 
 
@@ -86,13 +87,15 @@ def variant_of(run: Record | Failure) -> Variant:
     return run.method, str(run.identity["preset"]), canonical_json(run.identity["set"])
 
 
-def merged_notes(subject: Side, reference: Side, ours: Sequence[Note], theirs: Sequence[Note]) -> tuple[Note, ...]:
-    """What both footnotes say once, what only one says with its side."""
+def merged_notes(
+    subject: NamedRuns, reference: NamedRuns, ours: Sequence[Note], theirs: Sequence[Note]
+) -> tuple[Note, ...]:
+    """Notes of both tables: once where they agree, else each with the heading of its runs."""
     merged: list[Note] = []
     for label in _SHARED_NOTES:
         texts = {
-            side.heading: note.text
-            for side, notes in ((reference, theirs), (subject, ours))
+            runs.heading: note.text
+            for runs, notes in ((reference, theirs), (subject, ours))
             for note in notes
             if note.label == label
         }
@@ -103,150 +106,18 @@ def merged_notes(subject: Side, reference: Side, ours: Sequence[Note], theirs: S
     return tuple(merged)
 
 
-SOFTWARE = frozenset({"schema", "method_version", "method_code", "config", "overrides", "tuned"})
-"""Fields of an identity that another version of the software may change."""
-
-MATCHED = frozenset({"method", "preset", "set", "task", "seed"})
-"""Fields that say which cell and which run of it; seeds are compared as samples, not one by one."""
-
-_LONGEST = 24
-
-FINGERPRINTS = "data_fingerprints"
-
-_MACHINE = (("packages",), ("source_revision",), ("device", "type"), ("device", "precision"))
-
-
-@dataclass(frozen=True)
-class CellRecords:
-    """The records of one cell in both folders, and what to call the cell: ``dilo on hopper-random-expert``."""
-
-    name: str
-    reference: Sequence[Record]
-    subject: Sequence[Record]
-
-
-@dataclass(frozen=True)
-class Difference:
-    """One field in which two folders differ.
-
-    Attributes:
-        field: dotted, as in the identity; of a `machine` difference as in the provenance.
-        reference: its value in the first folder, as JSON.
-        subject: in the second.
-        kind: `software`: may differ; `condition`: may differ only where it was allowed; `machine`: where it was run,
-            which may differ and may change the last digits of a number.
-        cells: names of the cells concerned; empty for `machine`.
-    """
-
-    field: str
-    reference: str
-    subject: str
-    kind: Literal["software", "condition", "machine"]
-    cells: tuple[str, ...] = ()
-
-
-def differences(cells: Sequence[CellRecords]) -> list[Difference]:
-    """Everything that differs in any cell, conditions first."""
-    found: dict[tuple[str, str, str], Difference] = {}
-    for cell in cells:
-        # Records of one cell differ in the seed alone, and those of one task share their data.
-        for field, one, two in differing_leaves(_described(cell.reference[0]), _described(cell.subject[0])):
-            kind: Literal["software", "condition"] = "software" if _top(field) in SOFTWARE else "condition"
-            new = Difference(field, _text(one), _text(two), kind)
-            known = found.setdefault((field, new.reference, new.subject), new)
-            found[field, new.reference, new.subject] = replace(known, cells=(*known.cells, cell.name))
-    return [*sorted(found.values(), key=lambda each: (each.kind, each.field)), *_machines(cells)]
-
-
-def refuse_other_conditions(cells: Sequence[CellRecords], found: Iterable[Difference], allowed: Sequence[str]) -> None:
-    """Refuses conditions that differ, unless `allowed` names the field or one that it lies in.
-
-    Raises:
-        UserError: such a difference, or an allowed field that no record has.
-    """
-    known = {FINGERPRINTS}.union(
-        *(record.identity for cell in cells for record in (cell.reference[0], cell.subject[0]))
-    )
-    for name in allowed:
-        if _top(name) not in known:
-            raise unknown_name("field in --allow", name, known)
-    refused = [
-        each
-        for each in found
-        if each.kind == "condition" and not any(f"{each.field}.".startswith(f"{name}.") for name in allowed)
-    ]
-    if not refused:
-        return
-    first = refused[0]
-    fields = list(dict.fromkeys(each.field for each in refused))
-    others = f" Other fields differ too: {', '.join(fields[1:])}." if fields[1:] else ""
-    raise UserError(
-        f"The folders were not run under the same conditions: for {first.cells[0]}, {first.field} is "
-        f"{shortened(first.reference)} in the first and {shortened(first.subject)} in the second.{others}",
-        f"If that is what you want to compare, add {' '.join(f'--allow {name}' for name in _shortest(fields))}.",
-    )
-
-
-def shortened(value: str) -> str:
-    """A value that is too long for a line, such as a hash, cut off; the JSON holds it whole."""
-    return value if len(value) <= _LONGEST else f"{value[: _LONGEST - 1]}…"
-
-
-def _shortest(fields: Sequence[str]) -> list[str]:
-    """The fewest names that allow all of these: a field, or what several of them lie in."""
-    tops = [_top(field) for field in fields]
-    return list(dict.fromkeys(top if tops.count(top) > 1 else field for field, top in zip(fields, tops, strict=True)))
-
-
-def _top(field: str) -> str:
-    return field.partition(".")[0]
-
-
-def _described(record: Record) -> dict[str, Any]:
-    fields = {field: value for field, value in record.identity.items() if field not in MATCHED}
-    return fields | {FINGERPRINTS: record.provenance.get(FINGERPRINTS, {})}
-
-
-def _machines(cells: Sequence[CellRecords]) -> Iterator[Difference]:
-    one = _provenance([record for cell in cells for record in cell.reference])
-    two = _provenance([record for cell in cells for record in cell.subject])
-    for field in sorted({*one, *two}):
-        before, after = (" and ".join(sorted(values.get(field, {"none"}))) for values in (one, two))
-        if before != after:
-            yield Difference(field, before, after, "machine")
-
-
-def _provenance(records: Iterable[Record]) -> dict[str, set[str]]:
-    """Every value that occurs of what may matter of the machine, by dotted name."""
-    values: dict[str, set[str]] = {}
-    for record in records:
-        for place in _MACHINE:
-            found: Any = record.provenance
-            for step in place:
-                # Provenance is free text of whoever wrote the record.
-                found = found.get(step) if isinstance(found, Mapping) else None
-            leaves = found if isinstance(found, Mapping) else {} if found is None else {"": found}
-            for name, value in leaves.items():
-                values.setdefault(".".join(filter(None, [*place, name])), set()).add(str(value))
-    return values
-
-
-def _text(value: Any) -> str:
-    return "none" if value is None else canonical_json(value)
-
-
 CellName: TypeAlias = tuple[str, str]
 """(task, column label); no label where two methods are compared, since each cell then has both."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """One cell on both sides; both have scores.
+    """A cell of the subject and the same of the reference; both have scores.
 
     Attributes:
         subject: judged.
-        reference: what it is held against.
-        identical_runs: runs of one identity whose evaluations are equal on both sides, bit for bit.
+        reference: what it is compared with.
+        identical_runs: runs of one identity whose evaluations are equal in both, bit for bit.
         changed_runs: runs of one identity whose evaluations are not.
     """
 
@@ -257,7 +128,7 @@ class Pair:
 
     @property
     def identical(self) -> bool:
-        """Whether both sides hold the same runs and nothing else, so that there is nothing to test."""
+        """Whether both hold the same runs and nothing else, so that there is nothing to test."""
         return self.identical_runs == len(self.subject.seeds) == len(self.reference.seeds)
 
     @property
@@ -273,20 +144,20 @@ class Pairing:
     """All cells of a comparison.
 
     Attributes:
-        kind: what the sides are.
-        subject: the side that is judged: the first method, or the second folder.
+        kind: what is compared.
+        subject: judged: the first method, or the second folder.
         reference: the other.
         pairs: the cells of both.
         only_subject: cells that the reference lacks.
         only_reference: cells that the subject lacks.
         crashed: those of `only_reference` where the subject was tried and every seed crashed.
-        differences: what two folders differ in besides; refused ones never get here.
-        notes: what their tables' footnotes say.
+        differences: other fields in which two folders differ; refused ones never get here.
+        notes: of their tables' footnotes.
     """
 
     kind: Literal["methods", "folders"]
-    subject: Side
-    reference: Side
+    subject: NamedRuns
+    reference: NamedRuns
     pairs: Mapping[CellName, Pair]
     only_subject: tuple[CellName, ...]
     only_reference: tuple[CellName, ...]
@@ -296,7 +167,7 @@ class Pairing:
 
     @property
     def unit(self) -> str:
-        """What one cell is called: two methods differ on a task, two folders in a cell."""
+        """The word for a cell: two methods differ on a task, two folders in a cell."""
         return "task" if self.kind == "methods" else "cell"
 
 
@@ -329,17 +200,19 @@ def pair_methods(
         raise UserError(f"'{first}' and '{second}' are the same records.", "Name two methods.")
     check_unmixed([*columns[one], *columns[two]])
     subject, reference = (
-        Side(column.label, column.label, columns[column], [each for each in failures if each.method == column.method])
+        NamedRuns(
+            column.label, column.label, columns[column], [each for each in failures if each.method == column.method]
+        )
         for column in (one, two)
     )
-    cells, notes = zip(*(cells_of(side, statistic, tasks, rule) for side in (subject, reference)), strict=True)
+    cells, notes = zip(*(cells_of(each, statistic, tasks, rule) for each in (subject, reference)), strict=True)
     by_task: list[Cells] = [{(task, ()): found for (task, _), found in each.items()} for each in cells]
     return _paired("methods", subject, reference, by_task[0], by_task[1], {}, merged_notes(subject, reference, *notes))
 
 
 def pair_folders(
-    reference: Side,
-    subject: Side,
+    reference: NamedRuns,
+    subject: NamedRuns,
     statistic: Statistic,
     tasks: Sequence[str] = (),
     allowed: Sequence[str] = (),
@@ -362,15 +235,15 @@ def pair_folders(
         for key, found in ours.items()
         if key in theirs
     ]
-    differing = differences(common)
-    refuse_other_conditions(common, differing, allowed)
+    found = differences(common)
+    refuse_other_conditions(common, found, allowed)
     tried = {(failure.task, variant_of(failure)) for failure in subject.failures}
     crashed = frozenset(
         (key[0], labels[each.records[0].identity_hash])
         for key, each in theirs.items()
         if key not in ours and key in tried
     )
-    return replace(pairing, differences=tuple(differing), crashed=crashed)
+    return replace(pairing, differences=tuple(found), crashed=crashed)
 
 
 def _column(name: str, columns: Iterable[Column]) -> Column:
@@ -386,7 +259,7 @@ def _column(name: str, columns: Iterable[Column]) -> Column:
     return named[0]
 
 
-def _labels(found: Iterable[Found]) -> dict[str, str]:
+def _labels(found: Iterable[CellRuns]) -> dict[str, str]:
     """Column label by identity hash, unique among all these cells."""
     columns = arrange_columns([record for each in found for record in each.records])
     return {record.identity_hash: column.label for column, records in columns.items() for record in records}
@@ -394,8 +267,8 @@ def _labels(found: Iterable[Found]) -> dict[str, str]:
 
 def _paired(
     kind: Literal["methods", "folders"],
-    subject: Side,
-    reference: Side,
+    subject: NamedRuns,
+    reference: NamedRuns,
     ours: Cells,
     theirs: Cells,
     labels: Mapping[str, str],
@@ -427,7 +300,7 @@ def _listed(cells: Iterable[CellName]) -> str:
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
-def _pair(ours: Found, theirs: Found) -> Pair:
+def _pair(ours: CellRuns, theirs: CellRuns) -> Pair:
     known = {record.identity_hash: record for record in theirs.records}
     same = [
         _outcome(record) == _outcome(other) for record in ours.records if (other := known.get(record.identity_hash))
@@ -442,7 +315,7 @@ def _outcome(record: Record) -> tuple[object, ...]:
 Verdict: TypeAlias = Outcome | Literal["identical"]
 
 VERDICTS: tuple[Verdict, ...] = ("worse", "undecided", "better", "untested", "identical")
-"""In the order of the output: what asks for a look comes first."""
+"""In the order of the output: cells that ask for a look come first."""
 
 _UNJUDGED = "They cannot be judged, and do not count for the exit code."
 
@@ -462,7 +335,7 @@ class Compared:
         return self.pairing.kind == "folders" and bool(self.contrast.having("worse"))
 
     def verdict(self, cell: CellName) -> Verdict:
-        """What is said of a cell."""
+        """The verdict on a cell."""
         return "identical" if self.pairing.pairs[cell].identical else self.contrast.cells[cell].outcome
 
     def having(self, verdict: Verdict) -> list[CellName]:
@@ -486,7 +359,7 @@ def compare(pairing: Pairing, rule: Rule, statistic: Statistic) -> Compared:
 
 
 def warnings_of(compared: Compared) -> list[Warning]:
-    """What a reader of the exit code alone must not miss."""
+    """Warnings for a reader of the exit code alone."""
     pairing, warnings = compared.pairing, []
     if pairing.kind == "folders" and pairing.only_reference:
         gone = ", ".join(
@@ -510,8 +383,8 @@ def summary(compared: Compared) -> str:
     parts: list[str] = []
     for verdict in [*words, *(other for other in VERDICTS if other not in words and compared.having(other))]:
         count = len(compared.having(verdict))
-        counted = f"{count}" if parts else f"{count} {pairing.unit}{'' if count == 1 else 's'}"
-        parts.append(f"{verdict}{'' if verdict == 'identical' else ' on'} {counted}")
+        number = f"{count}" if parts else counted(count, pairing.unit)
+        parts.append(f"{verdict}{'' if verdict == 'identical' else ' on'} {number}")
     return f"{pairing.subject.heading} against {pairing.reference.heading}: {', '.join(parts)}"
 
 

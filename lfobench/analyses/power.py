@@ -1,4 +1,4 @@
-"""A pilot out of records: which two methods of every task a comparison is planned for, and what a run of them costs."""
+"""Power: seeds that a comparison needs, from a pilot's spread, and the cost of their runs."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from lfobench.tables.building import build_table
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.footnote import TESTS
 from lfobench.tables.table import Note, competes
+from lfobench.text import counted
 
 
 @dataclass(frozen=True)
@@ -46,20 +47,20 @@ class PilotTask:
 
 @dataclass(frozen=True)
 class Pilot:
-    """What a plan is made from.
+    """Runs from which a plan is made.
 
     Attributes:
         tasks: those with two methods.
         without: tasks with fewer.
         devices: where the runs were measured, e.g. ``cpu (AMD EPYC)``.
-        beside: whether any of them was evaluated beside training.
+        parallel: whether any of them was evaluated while it trained.
         notes: of the records' table: what a score is, the source, the protocol.
     """
 
     tasks: tuple[PilotTask, ...]
     without: tuple[str, ...]
     devices: tuple[str, ...]
-    beside: bool
+    parallel: bool
     notes: tuple[Note, ...]
 
 
@@ -96,7 +97,7 @@ def read_pilot(
         tuple(found),
         tuple(without),
         tuple(sorted({_device(record) for record in records})),
-        any(_beside(record) for record in records),
+        any(_evaluated_in_parallel(record) for record in records),
         tuple(note for note in table.notes if note.label in ("Score", "Source", "Protocol")),
     )
 
@@ -104,7 +105,7 @@ def read_pilot(
 def run_seconds(record: Record) -> float | None:
     """Seconds that the record's run kept a worker busy: loading, then training and evaluation.
 
-    Both add up where they take turns, as on a CPU. On CUDA other processes evaluate beside training, so the longer of
+    Both add up where they take turns, as on a CPU. On CUDA other processes evaluate during training, so the longer of
     the two counts. The time of seeds that trained together is shared equally among them. None where it is not known.
     """
     seconds = _mapping(record.provenance.get("seconds"))
@@ -112,7 +113,7 @@ def run_seconds(record: Record) -> float | None:
     if train is None:
         return None
     evaluate, load = (_number(seconds.get(kind)) or 0.0 for kind in ("evaluate", "load"))
-    spent = max(train, evaluate) if _beside(record) else train + evaluate
+    spent = max(train, evaluate) if _evaluated_in_parallel(record) else train + evaluate
     return (spent + load) / max(1.0, _number(record.provenance.get("seeds_trained_together")) or 1.0)
 
 
@@ -126,7 +127,7 @@ def _measured(records: Iterator[Record]) -> Iterator[float]:
     return (seconds for record in records if (seconds := run_seconds(record)) is not None)
 
 
-def _beside(record: Record) -> bool:
+def _evaluated_in_parallel(record: Record) -> bool:
     return _mapping(record.provenance.get("device")).get("type") == "cuda"
 
 
@@ -150,7 +151,7 @@ Target = Callable[[TaskPlan], int | None]
 
 @dataclass(frozen=True)
 class Budget:
-    """What it takes to reach a number of seeds on every task.
+    """The cost of reaching a number of seeds on every task.
 
     Attributes:
         name: which number, in words.
@@ -165,7 +166,7 @@ class Budget:
 
 @dataclass(frozen=True)
 class SeedPlan:
-    """A pilot and what follows from it; `tasks` are in the pilot's order."""
+    """A plan for a pilot; `tasks` are in the pilot's order."""
 
     pilot: Pilot
     design: Design
@@ -215,7 +216,7 @@ def seeds_needed(pilot: Pilot, design: Design, workers: int = 1) -> SeedPlan:
     pairs = [(task.first.sample.summary, task.second.sample.summary) for task in pilot.tasks]
     tasks = plan_tasks(pairs, design)
     targets: tuple[tuple[str, Target], ...] = (
-        (f"{_counted(design.seeds)} everywhere", lambda _: design.seeds),
+        (f"{counted(design.seeds, 'seed')} everywhere", lambda _: design.seeds),
         ("the seeds needed by the pilot's spread", lambda task: task.pilot.seeds_corrected if task.pilot else None),
         ("the seeds needed by its upper bound", lambda task: task.cautious.seeds_corrected if task.cautious else None),
     )
@@ -226,10 +227,6 @@ def seeds_needed(pilot: Pilot, design: Design, workers: int = 1) -> SeedPlan:
         workers,
         tuple(_budget(name, target, pilot, tasks, workers) for name, target in targets),
     )
-
-
-def _counted(seeds: int) -> str:
-    return f"{seeds} seed{'' if seeds == 1 else 's'}"
 
 
 def _budget(name: str, target: Target, pilot: Pilot, plans: Sequence[TaskPlan], workers: int) -> Budget:

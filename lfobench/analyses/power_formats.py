@@ -1,53 +1,33 @@
-"""A plan of seeds on a terminal: a row per task, then what it costs and what it rests on."""
+"""A plan of seeds as text: a row per task, then what it costs and what it rests on; and as JSON."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any
-
-from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
-from rich.text import Text
 
 from lfobench.analyses.power import Budget, PilotCell, PilotTask, SeedPlan
 from lfobench.stats.intervals import Interval, Summary
 from lfobench.stats.power import BOUND, MOST, Figures, TaskPlan, smallest_p
 from lfobench.stats.tests import FROM_SUMMARIES
-from lfobench.tables.exporters.terminal import Section, aligned, wrapped
+from lfobench.tables.document import Document, Grid, Notes, Paragraphs, Section
+from lfobench.tables.exporters.json import interval_value, json_text, notes_value
 from lfobench.tables.footnote import CORRECTIONS, TESTS
-from lfobench.tables.table import Note
-from lfobench.text import short_number
-
-_UNKNOWN = "–"
+from lfobench.tables.table import MISSING, Note
+from lfobench.text import counted, short_number
 
 
-def terminal(plan: SeedPlan) -> RenderableType:
-    """What ``Console.print`` draws a plan from."""
-    return _Terminal(plan)
-
-
-class _Terminal:
-    def __init__(self, plan: SeedPlan) -> None:
-        self.plan = plan
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        plan = self.plan
-        design = plan.design
-        yield Text(f"To see {design.effect:g} points with power {design.power:g}, seeds per method:", "bold")
-        yield Text()
-        rows = [_row(plan, task, figures) for task, figures in zip(plan.pilot.tasks, plan.tasks, strict=True)]
-        yield from aligned(_columns(plan), [Section("", "", rows)], options.max_width)
-        yield Text()
-        yield from wrapped(list(planning_notes(plan)), options.max_width)
+def document(plan: SeedPlan) -> Document:
+    """The plan for a terminal."""
+    design = plan.design
+    corrected = [f"at α = {plan.corrected_alpha:.2g}"] if _corrected(plan) else []
+    columns = ["methods", "pilot std", f"at α = {design.alpha:g}", *corrected, f"shown by n = {design.seeds}"]
+    rows = [_row(plan, task, figures) for task, figures in zip(plan.pilot.tasks, plan.tasks, strict=True)]
+    title = f"To see {design.effect:g} points with power {design.power:g}, seeds per method:"
+    return Document((Paragraphs((title,), "bold"), Grid(columns, [Section("", "", rows)]), Notes(list(notes(plan)))))
 
 
 def _corrected(plan: SeedPlan) -> bool:
     return plan.corrected_alpha != plan.design.alpha
-
-
-def _columns(plan: SeedPlan) -> list[str]:
-    corrected = [f"at α = {plan.corrected_alpha:.2g}"] if _corrected(plan) else []
-    return ["methods", "pilot std", f"at α = {plan.design.alpha:g}", *corrected, f"shown by n = {plan.design.seeds}"]
 
 
 def _row(plan: SeedPlan, task: PilotTask, figures: TaskPlan) -> list[str]:
@@ -55,7 +35,7 @@ def _row(plan: SeedPlan, task: PilotTask, figures: TaskPlan) -> list[str]:
     names = f"{task.first.label}, {task.second.label}"
     spreads = ", ".join(_spread(summary) for summary in (figures.first, figures.second))
     if pilot is None or cautious is None:
-        return [task.task, names, spreads, *[_UNKNOWN] * (3 if _corrected(plan) else 2)]
+        return [task.task, names, spreads, *[MISSING] * (3 if _corrected(plan) else 2)]
     alone = f"{_seeds(pilot.seeds_alone)} ({_seeds(cautious.seeds_alone)})"
     corrected = f"{_seeds(pilot.seeds_corrected)} ({_seeds(cautious.seeds_corrected)})"
     shown = f"{_points(pilot.detectable_corrected)} ({_points(cautious.detectable_corrected)})"
@@ -63,7 +43,7 @@ def _row(plan: SeedPlan, task: PilotTask, figures: TaskPlan) -> list[str]:
 
 
 def _spread(summary: Summary) -> str:
-    return _UNKNOWN if summary.std is None else short_number(summary.std)
+    return MISSING if summary.std is None else short_number(summary.std)
 
 
 def _seeds(count: int | None) -> str:
@@ -74,7 +54,7 @@ def _points(difference: float | None) -> str:
     return "nothing" if difference is None else short_number(difference)
 
 
-def planning_notes(plan: SeedPlan) -> Iterator[Note]:
+def notes(plan: SeedPlan) -> Iterator[Note]:
     """Everything that a reader must know to judge the figures."""
     if blind := plan.blind_because:
         yield Note("Design", f"nothing can come out significant: {blind}. Use more, or another test.")
@@ -88,11 +68,11 @@ def planning_notes(plan: SeedPlan) -> Iterator[Note]:
 
 def _cost(budget: Budget, workers: int) -> str:
     cost = budget.cost
-    text = f"{cost.runs} more run{'' if cost.runs == 1 else 's'}"
+    text = counted(cost.runs, "more run")
     if cost.hours is not None and cost.runs:
-        text += f", {_hours(cost.hours)} with {workers} worker{'' if workers == 1 else 's'}"
+        text += f", {_hours(cost.hours)} with {counted(workers, 'worker')}"
     if cost.unmeasured:
-        text += f"; the time of {cost.unmeasured} of them is not known"
+        text += f"; the time of {cost.unmeasured:,} of them is not known"
     if budget.without:
         text += f"; without {', '.join(budget.without)}, which no known number of seeds settles"
     return text
@@ -103,11 +83,11 @@ def _hours(hours: float) -> str:
 
 
 def _time_notes(plan: SeedPlan) -> Iterator[Note]:
-    beside = "; on CUDA the longer of training and evaluation, shared by the seeds that trained together"
+    parallel = "; on CUDA the longer of training and evaluation, shared by the seeds that trained together"
     yield Note(
         "Time",
-        f"mean over the pilot's runs of a cell, training and evaluation in turn{beside if plan.pilot.beside else ''}; "
-        f"measured on {' and '.join(plan.pilot.devices)}.",
+        "mean over the pilot's runs of a cell, training and evaluation in turn"
+        f"{parallel if plan.pilot.parallel else ''}; measured on {' and '.join(plan.pilot.devices)}.",
     )
 
 
@@ -174,42 +154,43 @@ def _spreadless(figures: TaskPlan) -> bool:
     return figures.pilot is not None and figures.pilot.std_first == figures.pilot.std_second == 0.0
 
 
-def json_planning(plan: SeedPlan) -> str:
+def json_power(plan: SeedPlan) -> str:
     """One object: the design, a plan per task, the budgets, the notes.
 
     Numbers of seeds are null where more than ``most_seeds`` would be needed; figures where no spread is known.
     """
     design = plan.design
-    value = {
-        "design": {
-            "effect": design.effect,
-            "power": design.power,
-            "alpha": design.alpha,
-            "corrected_alpha": plan.corrected_alpha,
-            "test": design.test,
-            "correction": design.correction,
-            "seeds": design.seeds,
-            "can_show_anything": plan.blind_because is None,
-            "cannot_because": plan.blind_because,
-        },
-        "most_seeds": MOST,
-        "cautious_confidence": BOUND,
-        "tasks": [_task(task, figures) for task, figures in zip(plan.pilot.tasks, plan.tasks, strict=True)],
-        "not_planned": list(plan.pilot.without),
-        "workers": plan.workers,
-        "budgets": [
-            {
-                "name": budget.name,
-                "runs": budget.cost.runs,
-                "hours": budget.cost.hours,
-                "unmeasured_runs": budget.cost.unmeasured,
-                "without": list(budget.without),
-            }
-            for budget in plan.budgets
-        ],
-        "notes": [{"label": note.label, "text": note.text} for note in planning_notes(plan)],
-    }
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+    return json_text(
+        {
+            "design": {
+                "effect": design.effect,
+                "power": design.power,
+                "alpha": design.alpha,
+                "corrected_alpha": plan.corrected_alpha,
+                "test": design.test,
+                "correction": design.correction,
+                "seeds": design.seeds,
+                "can_show_anything": plan.blind_because is None,
+                "cannot_because": plan.blind_because,
+            },
+            "most_seeds": MOST,
+            "cautious_confidence": BOUND,
+            "tasks": [_task(task, figures) for task, figures in zip(plan.pilot.tasks, plan.tasks, strict=True)],
+            "not_planned": list(plan.pilot.without),
+            "workers": plan.workers,
+            "budgets": [
+                {
+                    "name": budget.name,
+                    "runs": budget.cost.runs,
+                    "hours": budget.cost.hours,
+                    "unmeasured_runs": budget.cost.unmeasured,
+                    "without": list(budget.without),
+                }
+                for budget in plan.budgets
+            ],
+            "notes": notes_value(list(notes(plan))),
+        }
+    )
 
 
 def _task(task: PilotTask, plan: TaskPlan) -> dict[str, Any]:
@@ -229,7 +210,7 @@ def _cell(cell: PilotCell, interval: Interval | None) -> dict[str, Any]:
         "n": summary.n,
         "mean": summary.mean,
         "std": summary.std,
-        "std_interval": {"low": interval.low, "high": interval.high, "level": interval.level} if interval else None,
+        "std_interval": interval_value(interval),
         "seconds_per_run": cell.seconds,
     }
 

@@ -40,7 +40,7 @@ def power_of_seeds(
     Example: lfobench power --out runs --effect 10 --seeds 5 --methods dilo,smodice
     """
     from lfobench.analyses.power import read_pilot, seeds_needed
-    from lfobench.analyses.power_formats import json_planning, terminal
+    from lfobench.analyses.power_formats import document, json_power
     from lfobench.errors import UserError
     from lfobench.stats.power import Design
     from lfobench.tables.counting import knobs
@@ -53,6 +53,6 @@ def power_of_seeds(
     pilot = read_pilot(chosen.records, scored, "all" if methods else rule.scope, chosen.tasks)
     planned = seeds_needed(pilot, Design(effect, power, rule.alpha, rule.test, rule.correction, seeds), workers)
     if as_json:
-        output.out(json_planning(planned), end="", highlight=False)
+        output.out(json_power(planned), end="", highlight=False)
     else:
-        output.print(terminal(planned))
+        output.print(document(planned))

@@ -24,7 +24,7 @@ def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False
     from bisect import insort
 
     from lfobench.records.folder import RecordFolder, read_failures
-    from lfobench.tables.exporters.terminal import Section, aligned
+    from lfobench.tables.document import Section, aligned
 
     folder = RecordFolder(out)
     read = folder.read_all()

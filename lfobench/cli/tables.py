@@ -103,11 +103,11 @@ def _check_outcomes(context: typer.Context, format_name: str) -> None:
 
 
 def _print_outcomes(selected: Selection, format_name: str) -> None:
-    from lfobench.tables.outcomes import export_outcomes, terminal_outcomes
+    from lfobench.tables.outcomes import document, export_outcomes
 
     found = selected.outcomes()
     if format_name == TERMINAL:
-        output.print(terminal_outcomes(found))
+        output.print(document(found))
     else:
         output.out(export_outcomes(found, format_name), end="", highlight=False)
 
@@ -152,9 +152,9 @@ def compare(
 
     Example: lfobench compare runs-before runs-after --json
     """
-    from lfobench.analyses.compare import Side, pair_folders, pair_methods, warnings_of
+    from lfobench.analyses.compare import NamedRuns, pair_folders, pair_methods, warnings_of
     from lfobench.analyses.compare import compare as judge
-    from lfobench.analyses.compare_formats import json_contrast, terminal
+    from lfobench.analyses.compare_formats import document, json_comparison
     from lfobench.errors import UserError
     from lfobench.tables.counting import knobs
 
@@ -171,7 +171,7 @@ def compare(
     )
     if folders:
         reference, subject = (
-            Side(name, heading, found.records, found.failures)
+            NamedRuns(name, heading, found.records, found.failures)
             for name, heading, found in zip((first, second), "AB", selected, strict=True)
         )
         tasks = list(dict.fromkeys(task for found in selected for task in found.tasks))
@@ -182,9 +182,9 @@ def compare(
     compared = judge(pairing, rule, scored)
     warn(warnings_of(compared))
     if as_json:
-        output.out(json_contrast(compared), end="", highlight=False)
+        output.out(json_comparison(compared), end="", highlight=False)
     else:
-        output.print(terminal(compared))
+        output.print(document(compared))
     if compared.regressed:
         raise typer.Exit(1)
 
@@ -280,8 +280,7 @@ def audit(
 
     Example: lfobench audit dilo-2024
     """
-    from lfobench.analyses import audit as rendering
-    from lfobench.analyses.audit import Audit, json_audit
+    from lfobench.analyses.audit import Audit, document, json_audit
     from lfobench.records.publication import TableOfMeans
     from lfobench.records.published import read_publication
     from lfobench.stats.audit import CountsRule, audit_counts, audit_means
@@ -304,10 +303,10 @@ def audit(
         )
     found = Audit(publication, tuple(audits))
     if format_name is AuditFormat.terminal:
-        output.print(rendering.terminal(found))
+        output.print(document(found))
     else:
-        export = rendering.markdown if format_name is AuditFormat.markdown else json_audit
-        output.out(export(found), end="", highlight=False)
+        text = document(found).markdown() if format_name is AuditFormat.markdown else json_audit(found)
+        output.out(text, end="", highlight=False)
 
 
 def _check_trials(publication: Publication) -> None:

@@ -39,7 +39,7 @@ def check_cell(records: Sequence[Record]) -> None:
     """
     first = records[0]
     for other in records[1:]:
-        for field, one, two in differing_leaves(first.identity, other.identity):
+        for field, one, two in leaf_differences(first.identity, other.identity):
             if field != "seed":
                 raise UserError(
                     f"{first.method} on {first.task} was run with {field} = {one} and with {two}.",
@@ -89,7 +89,7 @@ def _check_tasks(records: Sequence[Record]) -> None:
     firsts: dict[str, Record] = {}
     for record in records:
         first = firsts.setdefault(record.task, record)
-        for field, one, two in differing_leaves(_conditions(first), _conditions(record)):
+        for field, one, two in leaf_differences(_conditions(first), _conditions(record)):
             raise UserError(
                 f"On {record.task}, {first.method} was run with {field} = {one} and {record.method} with {two}.",
                 _WAYS_OUT.get(field, _SEPARATELY),
@@ -101,14 +101,14 @@ def _conditions(record: Record) -> dict[str, Any]:
     return fixed_fields(record) | {"data_fingerprints": record.provenance.get("data_fingerprints", {})}
 
 
-def differing_leaves(
+def leaf_differences(
     one: Mapping[str, Any], two: Mapping[str, Any], prefix: str = ""
 ) -> Iterator[tuple[str, Any, Any]]:
     """Every leaf in which two nested mappings differ, as (dotted name, value, value)."""
     for field in sorted({*one, *two}):
         left, right = one.get(field), two.get(field)
         if isinstance(left, Mapping) and isinstance(right, Mapping):
-            yield from differing_leaves(left, right, f"{prefix}{field}.")
+            yield from leaf_differences(left, right, f"{prefix}{field}.")
         elif left != right:
             yield f"{prefix}{field}", left, right
 

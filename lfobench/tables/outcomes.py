@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-
-from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
-from rich.text import Text
 
 from lfobench.errors import UserError
 from lfobench.record import SUCCESS, Failure, Record
@@ -18,9 +14,10 @@ from lfobench.stats.highlight import Rule
 from lfobench.tables.building import build_table
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.counting import DIVERGED_OUTCOME, LEAVE_OUT, check_outcomes, fixed_outcomes, further_outcomes
-from lfobench.tables.exporters import latex, markdown
+from lfobench.tables.document import Document, Grid, Notes, Section
+from lfobench.tables.exporters import latex
 from lfobench.tables.exporters.csv import csv_text
-from lfobench.tables.exporters.terminal import Section, aligned, wrapped
+from lfobench.tables.exporters.json import json_text, notes_value
 from lfobench.tables.table import HIGHLIGHT_NOTE, MISSING, Cell, Column, Note, Row, cell_text
 
 _ABOUT_NUMBERS = frozenset({"Score", "Episodes", HIGHLIGHT_NOTE, "†", "Design", "Demonstration"})
@@ -144,38 +141,17 @@ def check_format(format_name: str) -> None:
         )
 
 
-def terminal_outcomes(table: OutcomeTable) -> RenderableType:
-    """What ``Console.print`` draws `table` from."""
-    return _TerminalOutcomes(table)
-
-
-class _TerminalOutcomes:
-    def __init__(self, table: OutcomeTable) -> None:
-        self.table = table
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        sections = [
-            Section(row.task, "bold", [[_label(line), *_numbers(self.table, line)] for line in lines])
-            for row, lines in _by_task(self.table)
-        ]
-        yield from aligned(["episodes", *self.table.outcomes], sections, options.max_width)
-        yield Text()
-        yield from wrapped(self.table.notes, options.max_width)
+def document(table: OutcomeTable) -> Document:
+    """`table` for a terminal and in Markdown."""
+    sections = [
+        Section(row.task, "bold", [[_label(line), *_numbers(table, line)] for line in lines])
+        for row, lines in _by_task(table)
+    ]
+    return Document((Grid(["episodes", *table.outcomes], sections, ("Task", "Method")), Notes(table.notes)))
 
 
 def _markdown(table: OutcomeTable) -> str:
-    headings = ["Task", "Method", "episodes", *map(markdown.escape, table.outcomes)]
-    lines = [_row(headings), _row([":--", ":--", *["--:"] * (len(headings) - 2)])]
-    for row, of_task in _by_task(table):
-        for index, line in enumerate(of_task):
-            task = "" if index else markdown.escape(row.task)
-            lines.append(_row([task, markdown.escape(_label(line)), *_numbers(table, line)]))
-    notes = [f"- **{markdown.escape(note.label)}**: {markdown.escape(note.text)}" for note in table.notes]
-    return "\n".join([*lines, "", *notes]) + "\n"
-
-
-def _row(fields: list[str]) -> str:
-    return f"| {' | '.join(fields)} |"
+    return document(table).markdown()
 
 
 def _latex(table: OutcomeTable) -> str:
@@ -194,9 +170,7 @@ def _latex(table: OutcomeTable) -> str:
             " & ".join([rf"\quad {escape(_label(line))}", *map(escape, _numbers(table, line))]) + r" \\"
             for line in of_task
         ]
-    lines += [r"\bottomrule", r"\end{tabular}", "", r"\medskip", r"\begin{minipage}{\linewidth}\footnotesize"]
-    lines += [rf"\textbf{{{escape(note.label)}:}} {escape(note.text)}\par" for note in table.notes]
-    return "\n".join([*lines, r"\end{minipage}", r"\end{table}"]) + "\n"
+    return "\n".join([*lines, *latex.ending(table.notes)]) + "\n"
 
 
 def _comma_separated(table: OutcomeTable) -> str:
@@ -227,30 +201,30 @@ def _comma_separated(table: OutcomeTable) -> str:
 
 
 def _json(table: OutcomeTable) -> str:
-    rows = [
+    return json_text(
         {
-            "group": line.group,
-            "row": line.row.label,
-            "task": line.row.task,
-            "column": line.column.label,
-            "method": line.column.method,
-            "preset": line.column.preset,
-            "episodes": line.episodes,
-            "outcomes": {outcome: line.counts.get(outcome, 0) for outcome in table.outcomes},
-            "seeds": list(line.cell.seeds) if line.cell else [],
-            "diverged_seeds": list(line.cell.diverged_seeds) if line.cell else [],
-            "failed_seeds": list(line.cell.failed_seeds) if line.cell else [],
+            "source": table.source,
+            "protocol": table.protocol,
+            "outcomes": table.outcomes,
+            "rows": [
+                {
+                    "group": line.group,
+                    "row": line.row.label,
+                    "task": line.row.task,
+                    "column": line.column.label,
+                    "method": line.column.method,
+                    "preset": line.column.preset,
+                    "episodes": line.episodes,
+                    "outcomes": {outcome: line.counts.get(outcome, 0) for outcome in table.outcomes},
+                    "seeds": line.cell.seeds if line.cell else (),
+                    "diverged_seeds": line.cell.diverged_seeds if line.cell else (),
+                    "failed_seeds": line.cell.failed_seeds if line.cell else (),
+                }
+                for line in table.lines
+            ],
+            "notes": notes_value(table.notes),
         }
-        for line in table.lines
-    ]
-    value = {
-        "source": table.source,
-        "protocol": table.protocol,
-        "outcomes": list(table.outcomes),
-        "rows": rows,
-        "notes": [{"label": note.label, "text": note.text} for note in table.notes],
-    }
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+    )
 
 
 FORMATS: dict[str, Callable[[OutcomeTable], str]] = {

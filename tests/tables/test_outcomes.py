@@ -18,7 +18,7 @@ from rich.console import Console
 
 from lfobench.errors import UserError
 from lfobench.record import Failure, Record
-from lfobench.tables.outcomes import FORMATS, OutcomeTable, export_outcomes, outcome_table, terminal_outcomes
+from lfobench.tables.outcomes import FORMATS, OutcomeTable, document, export_outcomes, outcome_table
 
 FIXED = ["success"] * 6 + ["cup hit"] * 3 + ["stalled"]
 
@@ -42,7 +42,7 @@ def table(records: list[Record]) -> OutcomeTable:
 
 def drawn(table: OutcomeTable, width: int = 120) -> str:
     console = Console(file=io.StringIO(), width=width, color_system=None)
-    console.print(terminal_outcomes(table))
+    console.print(document(table))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 

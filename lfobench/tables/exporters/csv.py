@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 from lfobench.tables.table import Block, Cell, Column, Row, Table
 from lfobench.text import harmless
@@ -75,8 +75,8 @@ def _line(table: Table, block: Block, row: Row, column: Column, cell: Cell) -> d
     return line
 
 
-def csv_text(lines: Iterable[Mapping[str, object]], header: Sequence[str] = ()) -> str:
-    """Lines of named fields as CSV; `header` names them where there may be no line.
+def csv_text(lines: Iterable[Mapping[str, object]]) -> str:
+    """Lines of named fields, all of the same names, as CSV with a header.
 
     Text is on one line and without control codes; sequences are separated by blanks. Where a spreadsheet would take a
     name for a formula, the name has an apostrophe before it.
@@ -84,10 +84,9 @@ def csv_text(lines: Iterable[Mapping[str, object]], header: Sequence[str] = ()) 
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     for index, line in enumerate(lines):
-        header = header or tuple(line)
         if index == 0:
-            writer.writerow(header)
-        writer.writerow([_field(line[name]) for name in header])
+            writer.writerow(line)
+        writer.writerow(map(_field, line.values()))
     return text.getvalue()
 
 

@@ -7,10 +7,11 @@ before the table to highlight differently, ``\lfobenchinterval`` for other inter
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from lfobench.stats.options import Agreement
-from lfobench.tables.table import CRASHED, MISSING, Cell, CellText, Table, cell_text, column_groups
+from lfobench.tables.table import CRASHED, MISSING, Cell, CellText, Note, Table, cell_text, column_groups
 
 _PREAMBLE = r"""% Needs \usepackage{booktabs} and \usepackage{xcolor}.
 \providecommand{\lfobenchbest}[1]{\textcolor{blue}{\boldmath#1}}
@@ -84,10 +85,15 @@ def export(table: Table) -> str:
         for row in block.rows:
             cells = [_cell(cell, slot) for cell, slot in zip(row.cells, slots, strict=True)]
             lines.append(_line([rf"\quad {escape(row.label)}", *cells]))
-    lines += [r"\bottomrule", r"\end{tabular}", "", r"\medskip", r"\begin{minipage}{\linewidth}\footnotesize"]
-    lines += [rf"\textbf{{{escape(note.label)}:}} {escape(note.text)}\par" for note in table.notes]
-    lines += [r"\end{minipage}", r"\end{table}"]
+    lines += ending(table.notes)
     return _PREAMBLE + (_INTERVAL if table.counts else "") + "\n".join(lines) + "\n"
+
+
+def ending(notes: Sequence[Note]) -> Iterator[str]:
+    """The last rule of a table, and the notes below it."""
+    yield from (r"\bottomrule", r"\end{tabular}", "", r"\medskip", r"\begin{minipage}{\linewidth}\footnotesize")
+    yield from (rf"\textbf{{{escape(note.label)}:}} {escape(note.text)}\par" for note in notes)
+    yield from (r"\end{minipage}", r"\end{table}")
 
 
 def escape(text: str) -> str:

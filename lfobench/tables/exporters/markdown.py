@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator, Sequence
 
-from lfobench.tables.table import MISSING, Cell, ColumnKind, Table, cell_text
+from lfobench.tables.table import MISSING, Cell, ColumnKind, Note, Table, cell_text
 from lfobench.text import harmless
 
 _KINDS: dict[ColumnKind, tuple[str, str]] = {
@@ -23,19 +24,15 @@ def export(table: Table) -> str:
         f"{escape(column.label)}{f' {_KINDS[column.kind][0]}' if column.kind in _KINDS else ''}"
         for column in table.columns
     ]
-    lines = [_line(["Dataset", "Task", *headings]), _line([":--", ":--", *["--:"] * len(headings)])]
-    for block in table.blocks:
-        for index, row in enumerate(block.rows):
-            dataset = "" if index else escape(block.label)
-            lines.append(_line([dataset, escape(row.label), *(_cell(cell) for cell in row.cells)]))
-    notes = [f"- **{escape(note.label)}**: {escape(note.text)}" for note in table.notes]
+    rows = (
+        ["" if index else escape(block.label), escape(row.label), *map(_cell, row.cells)]
+        for block in table.blocks
+        for index, row in enumerate(block.rows)
+    )
     kinds = {column.kind for column in table.columns}
-    notes = [*(f"- {mark} {meaning}" for kind, (mark, meaning) in _KINDS.items() if kind in kinds), *notes]
-    return "\n".join([*lines, "", *notes]) + "\n"
-
-
-def _line(fields: list[str]) -> str:
-    return f"| {' | '.join(fields)} |"
+    marks = [f"- {mark} {meaning}" for kind, (mark, meaning) in _KINDS.items() if kind in kinds]
+    lines = _lines(["Dataset", "Task", *headings], rows, left=2)
+    return "\n".join([*lines, "", *marks, *note_lines(table.notes)]) + "\n"
 
 
 def _cell(cell: Cell | None) -> str:
@@ -45,7 +42,22 @@ def _cell(cell: Cell | None) -> str:
     return f"**{text}**" if cell.highlighted else text
 
 
+def table_lines(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int) -> Iterator[str]:
+    """A table of text, its first `left` columns aligned at the left."""
+    return _lines([*map(escape, headings)], ([*map(escape, row)] for row in rows), left)
+
+
+def _lines(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int) -> Iterator[str]:
+    rule = [":--"] * left + ["--:"] * (len(headings) - left)
+    return (f"| {' | '.join(fields)} |" for fields in (headings, rule, *rows))
+
+
+def note_lines(notes: Iterable[Note]) -> Iterator[str]:
+    """Notes as a list."""
+    return (f"- **{escape(note.label)}**: {escape(note.text)}" for note in notes)
+
+
 def escape(text: str) -> str:
     """Text that Markdown shows as it is written, on one line."""
-    # A "<" before a blank opens no tag; leaving it alone keeps "p < 0.05" readable as source.
-    return re.sub(r"([\\`*_\[\]>|~#&]|<(?! ))", r"\\\1", harmless(" ".join(text.split())))
+    # A "<" before a blank or a digit opens no tag; leaving it alone keeps "p < 0.05" readable as source.
+    return re.sub(r"([\\`*_\[\]>|~#&]|<(?=[A-Za-z/!?]))", r"\\\1", harmless(" ".join(text.split())))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from textwrap import wrap
+from collections.abc import Iterator
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.text import Text
 
+from lfobench.tables.document import wrapped
 from lfobench.tables.table import (
     HIGHLIGHT_NOTE,
     MISSING,
@@ -24,7 +23,6 @@ from lfobench.tables.table import (
 from lfobench.text import harmless
 
 _GAP = 2
-_NARROWEST_NOTE = 20
 _HIGHLIGHT = "bold green"
 
 
@@ -46,7 +44,10 @@ class _TerminalTable:
         for start, stop in drawing.parts(options.max_width):
             yield from drawing.part(start, stop)
             yield Text()
-        yield from _notes(self.table, highlight_mark, options.max_width)
+        notes = [
+            Note(note.label + highlight_mark * (note.label == HIGHLIGHT_NOTE), note.text) for note in self.table.notes
+        ]
+        yield from wrapped(notes, options.max_width)
 
 
 class _Drawing:
@@ -149,67 +150,3 @@ def _aligned_cells(table: Table, column: int, highlight_mark: str) -> list[Text]
         line.append(f" {text.marks if text else ''}".ljust(marks + 1) if marks else "", "red")
         aligned.append(line)
     return aligned
-
-
-def _notes(table: Table, highlight_mark: str, width: int) -> Iterator[Text]:
-    """The notes, their texts wrapped beside a column of labels."""
-    labels = [note.label + highlight_mark * (note.label == HIGHLIGHT_NOTE) for note in table.notes]
-    indent = max(map(cell_len, labels)) + _GAP
-    for label, note in zip(labels, table.notes, strict=True):
-        for index, line in enumerate(
-            wrap(harmless(note.text), max(width - indent, _NARROWEST_NOTE), break_on_hyphens=False)
-        ):
-            yield Text(f"{'' if index else label:<{indent}}{line}", "dim")
-
-
-@dataclass(frozen=True)
-class Section:
-    """Rows under one heading.
-
-    Attributes:
-        heading: above them; empty for none.
-        style: of the heading, in rich's words.
-        rows: what each row is about, then its cells, one per column.
-    """
-
-    heading: str
-    style: str
-    rows: Sequence[Sequence[str]]
-
-
-def aligned(columns: Sequence[str], sections: Sequence[Section], width: int) -> Iterator[Text]:
-    """The rows of all sections in common columns, right-aligned; `columns` names them, without the first."""
-    columns = [harmless(column) for column in columns]
-    sections = [
-        Section(harmless(each.heading), each.style, [[*map(harmless, row)] for row in each.rows]) for each in sections
-    ]
-    rows = [row for section in sections for row in section.rows]
-    widths = [max(cell_len(text) for text in texts) for texts in zip(columns, *(row[1:] for row in rows), strict=True)]
-    stub = max((_GAP + cell_len(row[0]) for row in rows), default=0)
-    numbers = sum(_GAP + each for each in widths)
-    narrow = stub + numbers > width
-    indent = _GAP if narrow else stub
-    yield Text(" " * indent + _cells(columns, widths), "bold", no_wrap=True, overflow="ignore")
-    yield Text("─" * min(indent + numbers, width), "dim", no_wrap=True, overflow="ignore")
-    for section in sections:
-        if section.heading:
-            yield Text(section.heading, section.style)
-        for name, *cells in section.rows:
-            label = " " * _GAP + name
-            if narrow:
-                yield Text(label)
-            start = " " * indent if narrow else label + " " * (stub - cell_len(label))
-            yield Text((start + _cells(cells, widths)).rstrip())
-
-
-def wrapped(notes: Sequence[Note], width: int) -> Iterator[Text]:
-    """The notes, their texts wrapped beside a column of labels."""
-    indent = max((cell_len(note.label) for note in notes), default=0) + _GAP
-    for note in notes:
-        lines = wrap(harmless(note.text), max(width - indent, _NARROWEST_NOTE), break_on_hyphens=False)
-        for index, line in enumerate(lines):
-            yield Text(f"{'' if index else note.label:<{indent}}{line}", "dim")
-
-
-def _cells(texts: Sequence[str], widths: Sequence[int]) -> str:
-    return "".join(" " * (_GAP + width - cell_len(text)) + text for text, width in zip(texts, widths, strict=True))

@@ -12,8 +12,17 @@ from helpers_folders import with_provenance
 from helpers_records import make_cell, make_record
 from rich.console import Console
 
-from lfobench.analyses.compare import Compared, Pairing, Side, compare, pair_folders, pair_methods, summary, warnings_of
-from lfobench.analyses.compare_formats import json_contrast, terminal
+from lfobench.analyses.compare import (
+    Compared,
+    NamedRuns,
+    Pairing,
+    compare,
+    pair_folders,
+    pair_methods,
+    summary,
+    warnings_of,
+)
+from lfobench.analyses.compare_formats import document, json_comparison
 from lfobench.errors import UserError
 from lfobench.record import Record
 from lfobench.score import HEADLINE
@@ -25,7 +34,7 @@ GOOD, BAD = [100.0, 101.0, 99.0], [50.0, 51.0, 49.0]
 
 
 def folders(before: Sequence[Record], after: Sequence[Record], allowed: Sequence[str] = ()) -> Pairing:
-    return pair_folders(Side("before", "A", before), Side("after", "B", after), HEADLINE, allowed=allowed)
+    return pair_folders(NamedRuns("before", "A", before), NamedRuns("after", "B", after), HEADLINE, allowed=allowed)
 
 
 def judged(before: Sequence[Record], after: Sequence[Record], rule: Rule = RULE, **options: Any) -> Compared:
@@ -38,13 +47,13 @@ def methods(records: Sequence[Record], first: str = "dilo", second: str = "smodi
 
 def draw(compared: Compared, width: int = 120) -> str:
     console = Console(file=io.StringIO(), width=width)
-    console.print(terminal(compared))
+    console.print(document(compared))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
 
 def note(compared: Compared, label: str) -> str:
-    return next(each["text"] for each in json.loads(json_contrast(compared))["notes"] if each["label"] == label)
+    return next(each["text"] for each in json.loads(json_comparison(compared))["notes"] if each["label"] == label)
 
 
 # --- two methods -----------------------------------------------------------------------------------------------------
@@ -324,7 +333,7 @@ def test_every_number_is_there_at_every_width(width: int) -> None:
 def test_json_holds_everything() -> None:
     before = [*make_cell(GOOD), *make_cell(GOOD, "bc")]
     compared = judged(before, make_cell(BAD, method_version=2))
-    value = json.loads(json_contrast(compared))
+    value = json.loads(json_comparison(compared))
     assert (value["regressed"], value["counts"]["worse"], value["rule"]["correction"]) == (True, 1, "holm")
     (cell,) = value["cells"]
     assert (cell["task"], cell["column"], cell["verdict"]) == (*HOPPER, "worse")

@@ -8,7 +8,7 @@ import json
 import pytest
 from rich.console import Console
 
-from lfobench.analyses.audit import Audit, json_audit, markdown, terminal, verdict
+from lfobench.analyses.audit import Audit, document, json_audit, verdict
 from lfobench.records.publication import (
     Claim,
     PrintedCount,
@@ -53,7 +53,7 @@ def audited(*, claims: bool = True) -> Audit:
 
 def printed(audit: Audit, width: int) -> str:
     file = io.StringIO()
-    Console(file=file, width=width).print(terminal(audit))
+    Console(file=file, width=width).print(document(audit))
     return file.getvalue()
 
 
@@ -98,7 +98,7 @@ def test_no_bare_star_stands_for_a_verdict() -> None:
 
 
 def test_markdown_is_a_document_with_escaped_names() -> None:
-    text = markdown(audited())
+    text = document(audited()).markdown()
     assert text.startswith("# Audit of paper-2024\n")
     assert text.index("Holm leaves 1 of 2") < text.index("## Table 1") < text.index("## Robot")
     rows = [line for line in text.splitlines() if line.startswith("| hopper-random")]

@@ -14,7 +14,7 @@ from helpers_records import make_cell, make_record
 from rich.console import Console
 
 from lfobench.analyses.power import SeedPlan, read_pilot, run_seconds, seeds_needed
-from lfobench.analyses.power_formats import json_planning, terminal
+from lfobench.analyses.power_formats import document, json_power
 from lfobench.errors import UserError
 from lfobench.record import Record
 from lfobench.score import HEADLINE
@@ -43,13 +43,13 @@ def planned(records: Sequence[Record], design: Design = DESIGN, workers: int = 1
 
 def draw(plan: SeedPlan, width: int = 120) -> str:
     console = Console(file=io.StringIO(), width=width)
-    console.print(terminal(plan))
+    console.print(document(plan))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
 
 def notes(plan: SeedPlan, label: str) -> list[str]:
-    return [each["text"] for each in json.loads(json_planning(plan))["notes"] if each["label"] == label]
+    return [each["text"] for each in json.loads(json_power(plan))["notes"] if each["label"] == label]
 
 
 # --- the pilot -------------------------------------------------------------------------------------------------------
@@ -176,7 +176,7 @@ def test_it_fits_the_terminal(width: int) -> None:
 
 def test_json_holds_the_figures() -> None:
     plan = planned(two_tasks())
-    value = json.loads(json_planning(plan))
+    value = json.loads(json_power(plan))
     hopper = value["tasks"][0]
     assert [method["column"] for method in hopper["methods"]] == ["dilo", "smodice"]
     assert hopper["methods"][0]["seconds_per_run"] == 3600.0
