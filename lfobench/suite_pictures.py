@@ -14,7 +14,7 @@ from lfobench.cells.cell import load_protocol
 from lfobench.cells.names import select_tasks, split_names
 from lfobench.cells.parts import build_command
 from lfobench.contract.suite import Suite, Task
-from lfobench.data.source import demonstrated_strokes, load_task
+from lfobench.data.source import demonstrated_paths, load_task
 from lfobench.engine.trained import of_seed, outcomes_of, policy_of, scene_of, starts_of, traces_of
 from lfobench.errors import UserError, unknown_name
 from lfobench.files import cache_folder
@@ -177,8 +177,8 @@ def _paths(found: _Found, table: Table, width: float) -> PaperFigure:
         protocol = load_protocol(str(next(iter(records.values())).identity["protocol"]["name"]))
         rebuild = build_command(found.kind, protocol.name, name)
         data = load_task(cache_folder(), found.suite, task, protocol.recipe_for(task), rebuild)
-        strokes = demonstrated_strokes(data, POSITION)
-        panels.append(Demonstrated(name, "demonstrations", scene, strokes))
+        lines = demonstrated_paths(data, POSITION)
+        panels.append(Demonstrated(name, "demonstrations", scene, lines))
         for label, record in records.items():
             episodes, warnings = traces_of(found.out, record, task, starts_of(found.starts, record))
             found.warn(warnings)

@@ -38,7 +38,7 @@ def download(
 ) -> None:
     """Fetch the files of a suite, resumed where they broke off, each looked at before it counts.
 
-    LFOBENCH_MIRROR names folders on other hosts that are asked first.
+    LFOBENCH_MIRROR names folders on other hosts that are tried first.
 
     Example: lfobench data download locomotion --source d4rl --tasks 'hopper-*'
     """
@@ -46,7 +46,7 @@ def download(
 
     from lfobench.cli.options import suite_and_tasks
     from lfobench.cli.progress import display
-    from lfobench.data.library import adopt, bring
+    from lfobench.data.library import adopt, download
     from lfobench.errors import UserError
 
     library, needed = library_here(), wanted_of(*suite_and_tasks(suite, tasks), source)
@@ -68,7 +68,7 @@ def download(
                 shown.tick()
 
             try:
-                note = bring(library, each, report) if from_folder is None else adopt(library, each, from_folder)
+                note = download(library, each, report) if from_folder is None else adopt(library, each, from_folder)
             except UserError as refusal:
                 refused.append(refusal)
                 continue
@@ -376,11 +376,11 @@ def _of_file(file: Path, horizon: int | None, to: Path | None, keys: str | None)
 def _of_task(name: str, suite: str, protocol: str, source: str) -> tuple[dict[str, Diagnosis], tuple[int, int]]:
     """Both parts, and how many expert rows of how many the offline part holds too."""
     from lfobench.data.doctor import diagnose_part, rows_inside
-    from lfobench.data.requested import asked_data
+    from lfobench.data.requested import requested_data
 
-    asked = asked_data(suite, name, protocol, source)
-    (task,) = asked.tasks
-    data = asked.load(task)
+    requested = requested_data(suite, name, protocol, source)
+    (task,) = requested.tasks
+    data = requested.load(task)
     horizon = task.environment.horizon
     parts = {f"{name}, {part}": diagnose_part(getattr(data, part), horizon) for part in ("offline", "expert")}
     return parts, (rows_inside(data.expert, data.offline), data.expert.transitions)
@@ -431,21 +431,21 @@ def build(
     """
     from lfobench.cli.options import suite_and_tasks
     from lfobench.cli.progress import Terminal, stopping
-    from lfobench.data.requested import asked_data
+    from lfobench.data.requested import requested_data
     from lfobench.files import writable_folder
     from lfobench.processes import available_cores
     from lfobench.schedule.execution import StopRequest, build_data
 
-    asked = asked_data(*suite_and_tasks(suite, tasks), protocol, source)
-    writable_folder(asked.cache, "LFOBENCH_CACHE")
-    shards = asked.missing_shards()
+    requested = requested_data(*suite_and_tasks(suite, tasks), protocol, source)
+    writable_folder(requested.cache, "LFOBENCH_CACHE")
+    shards = requested.missing_shards()
     stop = StopRequest(stopping)
     with stop.listening():
         build_data(shards, workers or available_cores(), stop, Terminal())
     if stop():
         output.print("Stopped. The same command continues from here.")
         raise typer.Exit(INTERRUPTED)
-    asked.check_files()
+    requested.check_files()
     if not shards:
         output.print("Nothing to build: every shard is there.")
 
@@ -470,10 +470,10 @@ def status(
     from rich.table import Table
 
     from lfobench.cli.options import suite_and_tasks
-    from lfobench.data.requested import asked_data
+    from lfobench.data.requested import requested_data
 
-    asked = asked_data(*suite_and_tasks(suite, tasks), protocol, source)
-    rows = asked.rows()
+    requested = requested_data(*suite_and_tasks(suite, tasks), protocol, source)
+    rows = requested.rows()
     if as_json:
         print_json(rows)
         return
@@ -482,4 +482,4 @@ def status(
         there = f"{row['shards_present']}/{row['shards']}"
         table.add_row(escape(row["task"]), row["part"], _amount(row), there)
     output.print(table)
-    output.print(f"in {escape(str(asked.cache))}", soft_wrap=True)
+    output.print(f"in {escape(str(requested.cache))}", soft_wrap=True)

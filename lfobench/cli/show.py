@@ -225,13 +225,13 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
     from lfobench.cells.sources import absent_files, download_command
     from lfobench.cli import planned
     from lfobench.data.manifest import manifest
-    from lfobench.data.requested import asked_data
+    from lfobench.data.requested import requested_data
 
-    asked = asked_data(suite, name, protocol_name, source)
-    (task,), protocol = asked.tasks, asked.protocol
+    requested = requested_data(suite, name, protocol_name, source)
+    (task,), protocol = requested.tasks, requested.protocol
     recipe = protocol.recipe_for(task)
-    complete = all(row["shards_present"] == row["shards"] for row in asked.rows())
-    counted = manifest(asked.load(task)) if complete else None
+    complete = all(row["shards_present"] == row["shards"] for row in requested.rows())
+    counted = manifest(requested.load(task)) if complete else None
     if as_json:
         print_json({"task": planned.plain(task), "recipe": recipe.identity, "manifest": planned.plain(counted)})
         return
@@ -249,11 +249,11 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
         output.print(f"grid of {method}: {escape(fields)}", soft_wrap=True)
     if absent := absent_files([task]):
         names = ", ".join(file.name for file in absent)
-        fetch = download_command(suite, asked.source, name)
+        fetch = download_command(suite, requested.source, name)
         output.print(f"files not here: {escape(names)}; fetch them: {escape(fetch)}", soft_wrap=True)
         return
     if counted is None:
-        output.print(f"data not built yet: {escape(asked.rebuild(task))}", soft_wrap=True)
+        output.print(f"data not built yet: {escape(requested.rebuild(task))}", soft_wrap=True)
         return
     for line in counted.sentences():
         output.print(line, soft_wrap=True)

@@ -1,1 +1,1 @@
-"""What methods and suites agree on with the harness; the only part of lfobench that they import."""
+"""Contract of methods and suites with the harness."""

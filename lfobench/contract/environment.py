@@ -1,4 +1,4 @@
-"""Where policies act: a simulator task, its spaces, its horizon, and the two returns behind its normalised score."""
+"""Environment: a simulator task, its spaces, its horizon, and the two returns behind its normalised score."""
 
 from __future__ import annotations
 
@@ -51,16 +51,16 @@ class ActionBox:
 
     @cached_property
     def is_unit(self) -> bool:
-        """Whether it is [-1, 1] in every dimension, so that nothing is scaled."""
+        """True if it is [-1, 1] in every dimension, so that nothing is scaled."""
         return all(bounds == (-1.0, 1.0) for bounds in self._bounds)
 
     @cached_property
     def is_bounded(self) -> bool:
-        """Whether every dimension has two finite bounds."""
+        """True if every dimension has two finite bounds."""
         return bool(self._finite.all())
 
     def normalized(self, actions: FloatArray) -> FloatArray:
-        """Actions in the environment's units ``[..., act]`` as a method has them; those outside the box leave [-1, 1].
+        """Actions ``[..., act]`` from the environment's units to a method's; those outside the box leave [-1, 1].
 
         A dimension of a single value becomes 0.
         """
@@ -80,7 +80,7 @@ class ActionBox:
 
     @property
     def identity(self) -> dict[str, list[float | None]]:
-        """As plain JSON data; None where there is no bound."""
+        """The bounds as plain JSON data; None where there is no bound."""
         return {
             name: [value if math.isfinite(value) else None for value in values]
             for name, values in (("low", self.low), ("high", self.high))
@@ -97,7 +97,7 @@ class ActionBox:
 
     @property
     def scaling(self) -> str:
-        """Its bounds and what is done about them, in words."""
+        """Description of the bounds and of the scaling."""
         how = "scaled from and to a method's [-1, 1]"
         if not self._finite.any():
             return f"{self}, not scaled: there are no two bounds"
@@ -126,7 +126,7 @@ class ActionBox:
 
 @dataclass(frozen=True)
 class Spaces:
-    """What an environment shows and what it takes.
+    """Spaces of an environment's observations and actions.
 
     Attributes:
         observation: numbers of one observation.
@@ -147,7 +147,7 @@ class Environment:
     """A simulator task and the two returns that define its normalised score.
 
     Attributes:
-        name: the field's short name, e.g. ``hopper``.
+        name: short name, e.g. ``hopper``.
         id: the Gymnasium id that is built, e.g. ``Hopper-v5``, with the module that registers it before a colon where
             Gymnasium does not know it by itself; every record names it.
         horizon: steps after which an episode is cut (truncated).
@@ -179,7 +179,7 @@ class Environment:
         """A fresh environment, cut at `horizon`."""
         import gymnasium
 
-        with _no_word_of_age():
+        with _without_version_warnings():
             return gymnasium.make(self.id, max_episode_steps=self.horizon, **self.arguments)
 
     def make_many(self, count: int) -> gymnasium.vector.VectorEnv[Any, Any, Any] | None:
@@ -191,7 +191,7 @@ class Environment:
             importlib.import_module(module)  # which registers it, as `gymnasium.make` has it do
         if gymnasium.spec(name).vector_entry_point is None:
             return None
-        with _no_word_of_age():
+        with _without_version_warnings():
             return gymnasium.make_vec(
                 name,
                 num_envs=count,
@@ -202,7 +202,7 @@ class Environment:
 
     @property
     def spaces(self) -> Spaces:
-        """What a fresh simulator shows and takes.
+        """Spaces of a fresh simulator.
 
         Raises:
             UserError: the environment does not exist, cannot be made, or is not one of flat vectors.
@@ -215,8 +215,8 @@ class Environment:
 
 
 @contextmanager
-def _no_word_of_age() -> Iterator[None]:
-    """An environment of an older version is asked for on purpose: published data was made on it."""
+def _without_version_warnings() -> Iterator[None]:
+    """Gymnasium's warning about older versions suppressed: published data was made on them."""
     import gymnasium
 
     level = gymnasium.logger.min_level
@@ -239,10 +239,10 @@ def _spaces(identifier: str, arguments: str) -> Spaces:
         raise UserError(
             f"The environment '{identifier}' needs the module {module}, which cannot be imported: "
             f"{type(error).__name__}: {error}.",
-            "Install it, or mend its name before the colon.",
+            "Install it, or correct its name before the colon.",
         ) from error
     try:
-        with _no_word_of_age():
+        with _without_version_warnings():
             simulator = gymnasium.make(name, **json.loads(arguments))
     except gymnasium.error.UnregisteredEnv as error:
         close = difflib.get_close_matches(name, gymnasium.registry, n=3)

@@ -20,7 +20,7 @@ class Episodes:
 
     Attributes:
         observations: ``[N + E, obs]``; every episode of T steps owns T + 1 consecutive rows, the last of them NaN
-            where nobody wrote down in which observation it ended.
+            where the observation after the last step is not recorded.
         actions: ``[N, act]``.
         rewards: ``[N]``; for returns and manifests, no method ever sees them.
         lengths: ``[E]`` steps per episode.

@@ -1,8 +1,9 @@
-"""Which rows of the data exist, and what follows the end of an episode: every rule once, by name.
+"""Boundary rules by name: the rows that exist in the data, and their successors at the ends of episodes.
 
-``released`` boundaries are those of the authors' readers: the last step of a timed-out
-episode and the last row of a file are dropped, and the successor of a terminal step is the first observation of
-the next episode (a teleport). ``exact`` boundaries use the true successor of every step.
+``released`` boundaries have the quirks of D4RL's loader, which the authors use: the last step of a timed-out episode
+and the last row of a file are dropped, and the successor of a terminal step is the first observation of the next
+episode (a cross-episode transition; termination ``teleport``). ``exact`` boundaries use the true successor of every
+step.
 
 Rows are indices into stacked observations; nothing is copied.
 """
@@ -105,7 +106,7 @@ def released_expert_prefix(expert: Rows, trajectories: int, horizon: int) -> Row
 
     A trajectory is counted when a step counter reaches `horizon` or at a terminal row; the row at which the K-th
     is counted is itself excluded. If K are never counted, every row is taken, as SMODICE's reader does; DILO's would
-    take none, without a word, which no recipe means.
+    silently take none, which no recipe means.
     """
     ends = np.flatnonzero(expert.terminated)
     starts = np.concatenate(([0], ends + 1))
@@ -121,7 +122,7 @@ def released_triples(transitions: Rows) -> Rows:
     """Triples of successive rows: kept when row i+1 starts where row i ended and row i is not terminal.
 
     Row i+1 starts where row i ended exactly when the two indices agree, which replaces the authors' comparison
-    of values. The last triple of a terminated episode ends in the first observation of the next (a teleport).
+    of values. The last triple of a terminated episode is a cross-episode transition: it ends in the next one.
     """
     here, after = slice(None, -1), slice(1, None)
     kept = transitions.next_observation[here] == transitions.observation[after]
@@ -172,13 +173,13 @@ def exact_triples(episodes: Episodes, termination: Termination, absorbing: int) 
     ends = len(terminal)
     if termination == "zero":
         return stack([within, Rows(s, terminal, last, last, np.ones(ends, np.bool_), ends)])
-    nowhere, goes_on = np.full(ends, absorbing), np.zeros(ends, np.bool_)
+    absorbed, not_terminated = np.full(ends, absorbing), np.zeros(ends, np.bool_)
     return stack(
         [
             within,
-            Rows(s, terminal, last, nowhere, goes_on, ends),
-            Rows(last, terminal, nowhere, nowhere, goes_on, ends),
-            Rows(nowhere, terminal, nowhere, nowhere, goes_on, ends),
+            Rows(s, terminal, last, absorbed, not_terminated, ends),
+            Rows(last, terminal, absorbed, absorbed, not_terminated, ends),
+            Rows(absorbed, terminal, absorbed, absorbed, not_terminated, ends),
         ]
     )
 

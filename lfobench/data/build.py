@@ -44,7 +44,7 @@ def _check_recording(episodes: Episodes, environment: Environment) -> None:
         if not np.isfinite(getattr(episodes, name)).all():
             raise ValueError(f"{name} has a value that is not a finite number")
     if np.isnan(episodes.actions).all():
-        return  # nothing was commanded; a recipe says whether it can do without
+        return  # nothing was commanded; the recipe decides whether actions are needed
     box = environment.spaces.actions
     if not ((episodes.actions >= box.low) & (episodes.actions <= box.high)).all():
         raise ValueError(f"actions has a value that is not a number in {box}")
@@ -115,12 +115,12 @@ class ImportJob:
 
     @property
     def level(self) -> str:
-        """What messages call the part."""
+        """Name of the part in messages."""
         return self.part.level
 
 
 def missing_shards(root: Path, suite: str, wanted: Sequence[tuple[str, PartRequest]]) -> list[ShardJob | ImportJob]:
-    """The shards that the requests (task name, part) lack, each once; of a file that is not here, none can be made."""
+    """Shards missing from the requests (task name, part), each once; none of a file that is not on this machine."""
     jobs: dict[Path, ShardJob | ImportJob] = {}
     for task, request in wanted:
         part = request.specification
@@ -142,7 +142,7 @@ def check_present(root: Path, wanted: Iterable[tuple[str, PartRequest]], rebuild
         rebuild: the command that makes a task's missing shards again.
 
     Raises:
-        UserError: for the first damaged one, naming it and the way out.
+        UserError: for the first damaged one, with its path and the remedy.
     """
     longest: dict[str, tuple[str, PartRequest]] = {}
     for task, request in wanted:

@@ -76,7 +76,7 @@ def open_shard(path: Path) -> Shard:
 
 
 def _differences(found: dict[str, tuple[str, int]]) -> str:
-    """What a shard's arrays lack, or have beyond or other than they should."""
+    """Missing, unknown and mistyped arrays of a shard, as a clause."""
     lacking = [f"it lacks {name}" for name in ARRAYS if name not in found]
     unknown = [f"it has the unknown array {name}" for name in found if name not in ARRAYS]
     other = [
@@ -143,7 +143,7 @@ class PartCache:
 
     @property
     def folder(self) -> Path:
-        """Where the part's shards lie."""
+        """Folder of the part's shards."""
         kind = IMPORTED if isinstance(self.specification, FilePart) else GENERATED
         return self.root / kind / self.specification.folder
 
@@ -184,7 +184,7 @@ class PartCache:
             rebuild: the command that makes it again.
 
         Raises:
-            UserError: when the file is missing, truncated, altered or of another shard, naming it and the way out.
+            UserError: when the file is missing, truncated, altered or of another shard, with its path and the remedy.
         """
         episodes, (mark,) = self._read([shard], rebuild)
         return episodes, mark
@@ -195,11 +195,11 @@ class PartCache:
         Raises:
             UserError: as `read` does.
         """
-        with _damage_named(self.path(0), rebuild):
+        with _damage_as_user_error(self.path(0), rebuild):
             return {name: shape[1:] for name, shape in open_shard(self.path(0)).shapes.items()}
 
     def load(self, transitions: int | None, rebuild: str) -> tuple[Episodes, str]:
-        """The part's first `transitions` steps, or a recorded part whole, and the fingerprint of its shards.
+        """The part's first `transitions` steps, or all of a recorded part, and the fingerprint of its shards.
 
         Raises:
             UserError: as `read` does.
@@ -209,7 +209,7 @@ class PartCache:
         return kept, _combined(transitions, marks)
 
     def check(self, transitions: int | None, rebuild: str) -> None:
-        """Read, of the shards that hold the first `transitions` steps, those that are there.
+        """Read the present shards among those that hold the first `transitions` steps.
 
         Raises:
             UserError: as `read` does, for the first that is damaged.
@@ -229,11 +229,11 @@ class PartCache:
 
         def opened(shard: int) -> Shard:
             path = self.path(shard)
-            with _damage_named(path, rebuild):
+            with _damage_as_user_error(path, rebuild):
                 return open_shard(path)
 
         def checked(shard: int, file: Shard, place: Arrays) -> str:
-            with _damage_named(file.path, rebuild):
+            with _damage_as_user_error(file.path, rebuild):
                 read_into(place, file)
                 found = fingerprint(Episodes(**place))
             expected = {"fingerprint": found, "specification": description, "shard": str(shard)}
@@ -252,7 +252,7 @@ class PartCache:
         return Episodes(**whole), marks
 
     def declared_fingerprint(self, transitions: int | None) -> str | None:
-        """What `load` would give as fingerprint if every shard is what it says; None where one cannot be read."""
+        """Fingerprint that `load` would give by the shards' headers; None where one cannot be read."""
         marks = []
         for shard in range(self.specification.shards_for(transitions)):
             try:
@@ -264,14 +264,14 @@ class PartCache:
 
 
 def forget_imports(root: Path, name: str, sha256: str) -> None:
-    """Delete the shards that were made of a file, whichever of its columns and horizons they hold.
+    """Delete all shards imported from a file, whatever columns and horizon they were read with.
 
     Raises:
         UserError: the disk refuses.
     """
     for folder in (root / IMPORTED).glob(f"{glob.escape(name[:MOST_OF_A_NAME])}-*"):
         made_of = None
-        with suppress(SafetensorError, OSError, ValueError, KeyError):  # a damaged shard does not say it
+        with suppress(SafetensorError, OSError, ValueError, KeyError):  # a damaged shard has no readable origin
             made_of = json.loads(open_shard(folder / "00000.safetensors").metadata["specification"])["sha256"]
         if made_of == sha256:
             try:
@@ -286,8 +286,8 @@ def _combined(transitions: int | None, marks: Sequence[str]) -> str:
 
 
 @contextmanager
-def _damage_named(path: Path, rebuild: str) -> Iterator[None]:
-    """What goes wrong in reading the shard at `path`, as an error with the way out."""
+def _damage_as_user_error(path: Path, rebuild: str) -> Iterator[None]:
+    """Errors in reading the shard at `path` become user errors with a remedy."""
     try:
         yield
     except FileNotFoundError as error:

@@ -1,4 +1,4 @@
-"""The trajectory doctor: what is wrong, odd or merely good to know about a file's episodes."""
+"""The trajectory doctor: problems, cautions and notes about a file's episodes."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Finding:
 
     Attributes:
         severity: how much it matters.
-        code: a word for scripts.
-        count: how often.
+        code: identifier for scripts.
+        count: number of cases.
         text: a sentence.
     """
 
@@ -39,13 +39,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Mode:
-    """What a boundary mode makes of the rows.
+    """Rows under one boundary rule.
 
     Attributes:
         name: e.g. ``released triples``.
-        kept: rows that it yields.
-        dropped: why other rows are not among them, and how many.
-        odd: what is true of some of the kept ones, and of how many.
+        kept: number of rows that exist.
+        dropped: reason to number of rows that do not.
+        odd: peculiarity to number of kept rows that have it.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Diagnosis:
             themselves may have ended in any way.
         horizon: steps after which the environment cuts an episode; None where that is not known.
         findings: most severe first.
-        modes: what every boundary mode yields.
+        modes: rows under every boundary rule.
     """
 
     format: str
@@ -91,18 +91,18 @@ class Diagnosis:
 
     @property
     def usable(self) -> bool:
-        """Whether nothing keeps it from being trained on."""
+        """True if the file can be trained on: no finding is a problem."""
         return all(finding.severity != "problem" for finding in self.findings)
 
 
 FEWEST_TRIPLES = 2
-"""Of a part; the authors' buffer never samples its last row."""
+"""Triples of a part, at the least; the authors' buffer never samples its last row."""
 FEW_ROWS = 5
-"""That are named one by one."""
+"""Rows that are listed one by one, at the most."""
 
 
 def diagnose(reading: Reading, horizon: int | None = None, shortened: bool = False) -> Diagnosis:
-    """Examine what a reader made of a file.
+    """Diagnosis of a file as read.
 
     Args:
         reading: the file's episodes.
@@ -134,14 +134,14 @@ def diagnose(reading: Reading, horizon: int | None = None, shortened: bool = Fal
 
 
 def diagnose_part(episodes: Episodes, horizon: int) -> Diagnosis:
-    """Examine a part of a task as the cache holds it, of which a protocol may read no more than the first rows."""
+    """Diagnosis of a cached part, of which a protocol may read the first rows only."""
     known = not episodes.unknown_ends.any()
     rewarded = bool(np.isfinite(episodes.rewards).all())
     return diagnose(Reading(episodes, "cached", rewards=rewarded, ends_known=known), horizon, shortened=True)
 
 
 def too_short(episodes: Episodes) -> str:
-    """Why nothing can be learned from episodes, as a clause; empty where something can."""
+    """Reason why nothing can be learned from episodes, as a clause; empty where something can."""
     triples = boundaries.released_triples(boundaries.released_transitions(episodes))
     if len(triples) >= FEWEST_TRIPLES:
         return ""
@@ -189,17 +189,17 @@ def _amount(reading: Reading) -> Iterator[Finding]:
     episodes = reading.episodes
     if why := too_short(episodes):
         yield Finding("problem", "too-short", episodes.transitions, f"Nothing can be learned from it: {why}.")
-    for name, said, there in (
+    for name, declared, found in (
         ("episode", reading.declared_episodes, len(episodes.lengths)),
         ("step", reading.declared_steps, episodes.transitions),
     ):
-        if said is not None and said != there:
-            text = f"The file says that it has {counted(said, name)}, and has {there:,}."
-            yield Finding("caution", f"declared-{name}s", abs(said - there), text)
+        if declared is not None and declared != found:
+            text = f"The file says that it has {counted(declared, name)}, and has {found:,}."
+            yield Finding("caution", f"declared-{name}s", abs(declared - found), text)
 
 
 def _choice(reading: Reading) -> Iterator[Finding]:
-    """What is read of the file, where there is more."""
+    """Parts of the file that are left out."""
     read, left_out = reading.keys, reading.left_out
     if left_out:
         whole = sum(read.values()) + sum(left_out.values())
@@ -352,7 +352,7 @@ def _rows_as_bytes(episodes: Episodes) -> np.ndarray:  # type: ignore[type-arg]
 
 
 def _widths(keys: Mapping[str, int]) -> str:
-    """``position (5), image``; those of no column are no list of vectors."""
+    """``position (5), image``; a key without a width is not a list of vectors."""
     return enumerated([f"{shown(key)} ({width})" if width else shown(key) for key, width in keys.items()])
 
 

@@ -1,10 +1,10 @@
 """Fetching one file over HTTP: resumed where it broke off, from the next address where one fails.
 
-HTTPS is asked first, and plain HTTP where nothing else gives the file. Its first bytes are looked at before the rest is
-fetched, and no more comes than the host says, or than `MOST_BYTES`.
+HTTPS is tried first, and plain HTTP where nothing else gives the file. The first bytes are checked before the rest is
+fetched, and at most the announced size and `MOST_BYTES` are fetched.
 
-Bytes go into ``<name>.part`` beside the target, and only what has been looked at takes the target's name. Two processes
-that want one file take turns: the second finds it there.
+Bytes go into ``<name>.part`` next to the target, and only an inspected file takes the target's name. Two processes that
+want one file take turns: the second finds it there.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ NO_ADDRESS = "it is no address, or leads to none"
 
 
 class Broken(requests.RequestException):
-    """Why an attempt brought less than the file, in such words; the next attempt may bring the rest."""
+    """An incomplete attempt, with its cause as a clause; the next attempt may fetch the rest."""
 
 
 def reason(error: requests.RequestException) -> str:
-    """What went wrong, in a few words; those of the libraries are for whoever mends them."""
+    """Cause of a failed request as a short clause, in place of the library's own message."""
     known = (
         (Broken, str(error)),
         (requests.Timeout, "the host does not answer"),
@@ -45,9 +45,9 @@ def reason(error: requests.RequestException) -> str:
         (requests.exceptions.ContentDecodingError, "what the host sends cannot be decoded"),
         (requests.exceptions.InvalidURL, NO_ADDRESS),
     )
-    for kind, words in known:
+    for kind, cause in known:
         if isinstance(error, kind):
-            return words
+            return cause
     text = str(error)
     if "timed out" in text:
         return "the host does not answer"
@@ -56,8 +56,8 @@ def reason(error: requests.RequestException) -> str:
     return "the host refuses the connection" if "refused" in text else "there is no connection to the host"
 
 
-def way_out(error: OSError) -> str:
-    """What to do where the disk refuses."""
+def disk_remedy(error: OSError) -> str:
+    """Remedy for an error of the disk."""
     elsewhere = "choose another folder with LFOBENCH_CACHE"
     if error.errno in (ENOSPC, EDQUOT, EFBIG):
         return f"Free space, or {elsewhere}; the same command continues."
@@ -67,31 +67,31 @@ def way_out(error: OSError) -> str:
 
 
 MIRROR = "LFOBENCH_MIRROR"
-"""Environment variable: addresses of folders, separated by commas, that are asked before a file's own addresses."""
+"""Environment variable: addresses of folders, separated by commas, that are tried before a file's own addresses."""
 OPTION = "LFOBENCH_CACHE"
 CONNECT_SECONDS, SILENT_SECONDS = 10.0, 30.0
 ATTEMPTS = 4
-"""Per address, as long as each brings new bytes; one that brings none is the last."""
+"""Attempts per address; one that brings no new bytes is the last."""
 MOST_BYTES = 20 * 10**9
-"""Of one file; the largest of D4RL's that a suite reads has less than a twentieth."""
+"""Size limit of a file; the largest of D4RL's that a suite reads has less than a twentieth."""
 START = 512
-"""First bytes that tell what a file is."""
+"""First bytes, which identify the kind of a file."""
 BLOCK = 2**14
-"""Of a connection that breaks, the bytes of a block that is not whole are lost."""
+"""Bytes per block; an incomplete block is lost when the connection breaks."""
 
 Report = Callable[[int, int | None], None]
-"""Called with the bytes that are here and, where the host says so, how many there will be."""
+"""Callback of progress: bytes fetched and, where the host announces it, the total."""
 
 Begins = Callable[[bytes], str]
-"""Why a file that begins with these bytes is none that is wanted; empty where it may be."""
+"""Check of the first bytes: the reason to refuse the file, or an empty text."""
 
 
 class _Failed(Exception):
-    """Why an address did not give the file."""
+    """Failure of an address, with its cause."""
 
 
 class _Origin(BaseModel):
-    """Where the bytes of a partial file are from, so that only bytes of the same file are put behind them."""
+    """Origin of a partial file's bytes, so that only bytes of the same file are appended."""
 
     address: str
     validator: str = ""
@@ -103,8 +103,8 @@ class Fetched:
     """A file that arrived.
 
     Attributes:
-        path: where it lies.
-        address: that gave it; empty where another process had fetched it already.
+        path: of the file.
+        address: its origin; empty where another process had fetched it already.
     """
 
     path: Path
@@ -112,17 +112,17 @@ class Fetched:
 
 
 def fetch(
-    name: str, addresses: Sequence[str], target: Path, begins: Begins, look: Callable[[Path], None], report: Report
+    name: str, addresses: Sequence[str], target: Path, begins: Begins, inspect: Callable[[Path], None], report: Report
 ) -> Fetched:
     """Fetch a file, unless it is there.
 
     Args:
-        name: what it is called, for messages.
+        name: of the file, in messages.
         addresses: of the file, in order; mirrors from the environment come before them.
-        target: where it is to lie.
-        begins: asked of its first bytes, before the rest is fetched.
-        look: raises `DataFileRefused` for what must not take the target's name.
-        report: told of progress.
+        target: path of the fetched file.
+        begins: check of the first bytes, before the rest is fetched.
+        inspect: check of the whole file; raises `DataFileRefused` for one that must not take the target's name.
+        report: callback of progress.
 
     Raises:
         UserError: no address gives it, what they give is not the file, or the disk refuses.
@@ -132,18 +132,18 @@ def fetch(
         with locked(_lock(target), OPTION, wait=True):
             if target.exists():
                 return Fetched(target, "")
-            return _from_any(name, list(dict.fromkeys(_asked(addresses))), target, begins, look, report)
+            return _from_any(name, list(dict.fromkeys(_tried(addresses))), target, begins, inspect, report)
     except OSError as error:
-        raise UserError(f"Cannot write {target}: {error.strerror or error}.", way_out(error)) from error
+        raise UserError(f"Cannot write {target}: {error.strerror or error}.", disk_remedy(error)) from error
 
 
 def fetched(target: Path) -> bool:
-    """Whether a file, or a part of it, was fetched."""
+    """True if a file, or a part of it, was fetched."""
     return target.exists() or _partial(target).exists()
 
 
 def discard(target: Path) -> bool:
-    """Delete what was fetched of a file, whole or in part; returns whether there was any.
+    """Delete a fetched file, complete or partial; returns whether there was any.
 
     Raises:
         UserError: another process is fetching it, or the disk refuses.
@@ -161,8 +161,8 @@ def discard(target: Path) -> bool:
     return True
 
 
-def _asked(addresses: Sequence[str]) -> Iterator[str]:
-    """Mirrors as they are written; then the file's own addresses, all of them over HTTPS first."""
+def _tried(addresses: Sequence[str]) -> Iterator[str]:
+    """Mirrors as given, then the file's own addresses, all of them over HTTPS first."""
     file = PurePosixPath(addresses[0].partition("?")[0]).name
     for mirror in os.environ.get(MIRROR, "").split(","):
         if mirror.strip():
@@ -172,7 +172,7 @@ def _asked(addresses: Sequence[str]) -> Iterator[str]:
 
 
 def _secured(address: str) -> str:
-    """The address over HTTPS; as it is where it names a port, which speaks one of the two."""
+    """The address over HTTPS; unchanged where it names a port, which serves one of the two."""
     with suppress(ValueError):
         if (parts := urlsplit(address)).scheme == "http" and parts.port is None:
             return parts._replace(scheme="https").geturl()
@@ -184,33 +184,33 @@ def _from_any(
     addresses: Sequence[str],
     target: Path,
     begins: Begins,
-    look: Callable[[Path], None],
+    inspect: Callable[[Path], None],
     report: Report,
 ) -> Fetched:
     partial = _partial(target)
-    tried = []
+    failures = []
     for address in addresses:
         try:
             _from_one(address, partial, begins, report)
-            look(partial)
+            inspect(partial)
         except _Failed as failure:
-            tried.append(f"{address}: {failure}")
+            failures.append(f"{address}: {failure}")
         except DataFileRefused as refusal:
             _discard_partial(partial)
-            # What was looked at is gone; the address is where it can be seen again.
-            tried.append(refusal.problem.replace(str(partial), address).rstrip("."))
+            # The inspected file is deleted; its address remains.
+            failures.append(refusal.problem.replace(str(partial), address).rstrip("."))
         else:
             partial.replace(target)
             _discard_partial(partial)
             return Fetched(target, address)
     raise UserError(
-        f"{name} could not be fetched ({'; '.join(tried)}).",
+        f"{name} could not be fetched ({'; '.join(failures)}).",
         f"Try again later, set {MIRROR}, put the file at {target} by hand, or use --source generated.",
     )
 
 
 def _from_one(address: str, partial: Path, begins: Begins, report: Report) -> None:
-    """Bring all bytes of an address into `partial`."""
+    """Fetch all bytes of an address into `partial`."""
     try:
         scheme = urlsplit(address).scheme
     except ValueError as error:
@@ -222,7 +222,7 @@ def _from_one(address: str, partial: Path, begins: Begins, report: Report) -> No
         try:
             _attempt(address, partial, begins, report)
         except requests.RequestException as error:
-            # Bytes that were no part of the file are gone by now, and the next attempt begins anew.
+            # Bytes of another file are deleted by now, and the next attempt begins anew.
             now = _here(partial, address)
             if attempt == ATTEMPTS or 0 < now <= before or before == now == 0:
                 raise _Failed(reason(error)) from error
@@ -235,7 +235,7 @@ def _attempt(address: str, partial: Path, begins: Begins, report: Report) -> Non
     headers = {"Accept-Encoding": "identity"}
     if here and origin is not None:
         headers |= {"Range": f"bytes={here}-", "If-Range": origin.validator}
-    with _ask(address, headers) as answer:
+    with _request(address, headers) as answer:
         if address.startswith("https:") and not answer.url.startswith("https:"):
             raise _Failed("it leads to an address without https")
         if answer.status_code == requests.codes.requested_range_not_satisfiable:
@@ -246,7 +246,7 @@ def _attempt(address: str, partial: Path, begins: Begins, report: Report) -> Non
         if not answer.ok:
             raise _Failed(f"{answer.status_code} {shown(answer.reason or '')}".strip())
         continued = answer.status_code == requests.codes.partial_content
-        # It was not asked for. Lengths and places then count bytes that are decoded before they come here.
+        # An encoding was not requested. Lengths and ranges then count bytes before decoding.
         encoded = answer.headers.get("Content-Encoding", "").strip().lower() not in ("", "identity")
         total = None if encoded else _total(answer, here if continued else 0)
         place = answer.headers.get("Content-Range", "")
@@ -257,7 +257,7 @@ def _attempt(address: str, partial: Path, begins: Begins, report: Report) -> Non
             raise _Failed(_too_large(total))
         if not continued:
             validator = "" if encoded else _validator(answer)
-            _note(partial, _Origin(address=address, validator=validator, total=total))
+            _write_origin(partial, _Origin(address=address, validator=validator, total=total))
         start = b""
         with partial.open("ab" if continued else "wb") as file:
             for block in answer.iter_content(BLOCK):
@@ -275,12 +275,12 @@ def _attempt(address: str, partial: Path, begins: Begins, report: Report) -> Non
         raise Broken(f"{_size(partial):,} of {total:,} bytes came")
 
 
-def _ask(address: str, headers: dict[str, str]) -> requests.Response:
+def _request(address: str, headers: dict[str, str]) -> requests.Response:
     try:
         return requests.get(address, headers=headers, stream=True, timeout=(CONNECT_SECONDS, SILENT_SECONDS))
     except requests.RequestException:
         raise
-    except ValueError as error:  # of an address that a host sends us to, which requests does not tell of itself
+    except ValueError as error:  # of a redirect, where requests does not wrap it
         raise _Failed(NO_ADDRESS) from error
 
 
@@ -290,13 +290,13 @@ def _total(answer: requests.Response, before: int) -> int | None:
 
 
 def _validator(answer: requests.Response) -> str:
-    """By what the host knows this version of the file again (RFC 9110, 13.1.5); a weak tag does not do."""
+    """Validator of this version of the file (RFC 9110, 13.1.5); a weak tag does not qualify."""
     tag = answer.headers.get("ETag", "")
     return answer.headers.get("Last-Modified", "") if not tag or tag.startswith("W/") else tag
 
 
 def _not_wanted(partial: Path, why: str) -> _Failed:
-    """The error for bytes that are no part of the file, which are deleted."""
+    """Error for bytes that do not belong to the file; deletes them."""
     _discard_partial(partial)
     return _Failed(why)
 
@@ -307,7 +307,7 @@ def _too_large(total: int | None = None) -> str:
 
 
 def _here(partial: Path, address: str) -> int:
-    """Bytes of that address that can be continued."""
+    """Bytes of that address that a further request can continue."""
     origin = _origin(partial)
     return _size(partial) if origin is not None and origin.address == address and origin.validator else 0
 
@@ -328,12 +328,12 @@ def _marker(partial: Path) -> Path:
     return partial.with_name(f"{partial.name}.from")
 
 
-def _note(partial: Path, origin: _Origin) -> None:
+def _write_origin(partial: Path, origin: _Origin) -> None:
     _marker(partial).write_text(origin.model_dump_json(), encoding="utf-8")
 
 
 def _origin(partial: Path) -> _Origin | None:
-    """None where nothing says where the bytes are from."""
+    """Origin of the partial file; None where it is unknown."""
     try:
         return _Origin.model_validate_json(_marker(partial).read_bytes())
     except (OSError, ValueError):

@@ -1,8 +1,8 @@
-"""What a method is handed: the fields it declared, and no tensor beyond them.
+"""Firewall between data and methods: a view of the declared fields, with no tensor beyond them.
 
 Rewards never leave `Episodes`. Expert actions exist here only for a method that declares its access to them.
-Nothing tells an offline batch which of its rows came from the expert: there is no label, and the rows lie in an
-order of their own, so that not even a guess at the draw that chose a row says which part it is from.
+The origin of an offline row is hidden: there is no label, and the rows are permuted, so that the index that a draw
+chose does not reveal the part that a row comes from.
 """
 
 from __future__ import annotations
@@ -145,14 +145,14 @@ def view(
     check_declaration(method, needs)
     observations = torch.from_numpy(mixture.observations).to(device)
     actions = torch.from_numpy(mixture.actions)
-    # A permutation that only the whole data decides.
+    # A random order that depends on the whole data only.
     randomness = Randomness([zlib.crc32(np.ascontiguousarray(mixture.actions).data)])
     sampled, episodes = mixture.offline.sampled, len(mixture.initial)
     order = torch.arange(len(mixture.offline))
-    order[:sampled] = _disorder(randomness, sampled)
+    order[:sampled] = _permutation(randomness, sampled)
     initial: dict[Field, Column] = {}
     if "initial_observation" in needs.offline:
-        index = _index(mixture.initial, observations).index_select(0, _disorder(randomness, episodes))
+        index = _index(mixture.initial, observations).index_select(0, _permutation(randomness, episodes))
         initial["initial_observation"] = (observations, index.to(device))
     return View(
         offline=_table(needs.offline, mixture.offline, observations, actions, order, labels),
@@ -163,13 +163,13 @@ def view(
     )
 
 
-def _disorder(randomness: Randomness, count: int) -> Tensor:
-    """A permutation ``[count]``."""
+def _permutation(randomness: Randomness, count: int) -> Tensor:
+    """A random order ``[count]``."""
     return randomness.permutation("order of the rows", 0, count)[0]
 
 
 def _index(index: IntArray, storage: Tensor) -> Tensor:
-    """As int32 where that reaches every row of `storage`: half the memory that a batch's lookups go through."""
+    """The index as int32 where that reaches every row of `storage`: half the memory that lookups go through."""
     return torch.from_numpy(index).to(torch.int32 if len(storage) <= torch.iinfo(torch.int32).max else torch.int64)
 
 

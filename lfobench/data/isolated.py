@@ -1,7 +1,7 @@
-"""Files from outside are opened in a process of their own, which hands over a shard or a diagnosis.
+"""Isolated process that opens a file from outside and returns a shard or a diagnosis.
 
-Such a file can make the HDF5 library loop, take all memory or crash; what happens to that process happens to it alone.
-It loads no plugin, and it ends in one of three ways: the work is done, it says why not, or it is dead.
+Such a file can make the HDF5 library loop, take all memory or crash; then only that process fails. It loads no plugin,
+and it ends in one of three ways: the work is done, a problem is reported, or the process died.
 
 Run as ``python -m lfobench.data.isolated``, with the order as JSON on standard input.
 """
@@ -32,11 +32,11 @@ from lfobench.errors import UserError
 
 REFUSED, FAILED = 3, 4
 SECONDS = 1_800.0
-"""After which a file is given up; one of a million transitions takes seconds."""
+"""Time limit for one file; a million transitions take seconds."""
 
 
 class DataFileRefused(UserError):
-    """What is wrong lies in the file itself; another copy of it may do."""
+    """Error whose cause lies in the file itself; another copy may work."""
 
 
 def import_file(root: Path, path: Path, part: FilePart) -> None:
@@ -48,19 +48,19 @@ def import_file(root: Path, path: Path, part: FilePart) -> None:
         part: what it is.
 
     Raises:
-        UserError: naming the file, what is wrong with it, and the way out.
+        UserError: with the file, the cause and the remedy.
     """
     _carry_out(path, {"do": "import", "root": str(root), "path": str(path), "part": asdict(part)})
 
 
 def examine_file(path: Path, horizon: int | None, keys: Keys = None) -> Diagnosis:
-    """What the doctor says of a file, of whose observations `keys` are read.
+    """Diagnosis of a file, of whose observations `keys` are read.
 
     Raises:
         UserError: it cannot be read at all.
     """
-    told = _carry_out(path, {"do": "examine", "path": str(path), "horizon": horizon, "keys": keys})
-    return TypeAdapter(Diagnosis).validate_json(told)
+    answer = _carry_out(path, {"do": "examine", "path": str(path), "horizon": horizon, "keys": keys})
+    return TypeAdapter(Diagnosis).validate_json(answer)
 
 
 def _carry_out(path: Path, order: dict[str, Any]) -> str:
@@ -78,8 +78,8 @@ def _carry_out(path: Path, order: dict[str, Any]) -> str:
     except subprocess.TimeoutExpired as error:
         raise _error(path, f"reading it takes longer than {SECONDS / 60:.0f} minutes", OTHER) from error
     if done.returncode in (REFUSED, FAILED):
-        told = json.loads(done.stdout)
-        raise (DataFileRefused if done.returncode == REFUSED else UserError)(told["problem"], told["remedy"])
+        answer = json.loads(done.stdout)
+        raise (DataFileRefused if done.returncode == REFUSED else UserError)(answer["problem"], answer["remedy"])
     if done.returncode < 0:
         raise _error(path, f"reading it ended with {signal.Signals(-done.returncode).name}", OTHER)
     if done.returncode:
@@ -110,7 +110,7 @@ def _most_memory() -> int:
 
 
 def _import(root: Path, path: Path, part: FilePart) -> None:
-    with _problems_named(path):
+    with _problems_as_user_errors(path):
         reading = read(path, part.horizon, part.keys)
         check(reading)
         episodes = with_columns(reading.episodes, part.columns)
@@ -120,12 +120,12 @@ def _import(root: Path, path: Path, part: FilePart) -> None:
 
 
 def _examine(path: Path, horizon: int | None, keys: Keys) -> Diagnosis:
-    with _problems_named(path):
+    with _problems_as_user_errors(path):
         return diagnose(read(path, horizon, keys), horizon)
 
 
 @contextmanager
-def _problems_named(path: Path) -> Iterator[None]:
+def _problems_as_user_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except FileProblem as problem:

@@ -1,8 +1,8 @@
 """Labels of offline transitions, computed once by a method from whole trajectories behind the same firewall as batches.
 
-A method is handed the trajectories that its batches are rows of: no rewards, no expert actions without access, offline
-trajectories in an order that says nothing about where they are from. Its labels are cached under a hash of everything
-that they may depend on.
+A method gets the trajectories that its batches are rows of: no rewards, no expert actions without access, offline
+trajectories in an order that hides their origin. Its labels are cached under a hash of everything that they may
+depend on.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 FORMAT = 1
 LABEL = "label"
 DROPPED_AT_THE_END = 2
-"""Steps that boundary rules leave away at the end of an episode whose every other step they keep."""
+"""Steps that boundary rules drop at the end of an episode of which they keep every other step."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def labels_of(
         device: where `prepare` computes.
         code: hashes of the method's source files.
         cache: root of the dataset cache.
-        progress: told the part done; may raise.
+        progress: called with the fraction done; may raise.
 
     Raises:
         UserError: labels of another shape than the transitions', or not finite.
@@ -93,7 +93,7 @@ def labels_of(
     if LABEL not in needs.offline:
         return None
     runs = _runs(mixture.offline, mixture)
-    # A permutation that only the whole data decides, as that of the rows.
+    # A random order that depends on the whole data only, as that of the rows.
     randomness = Randomness([zlib.crc32(np.ascontiguousarray(mixture.actions).data)])
     runs = runs.ordered(randomness.permutation("order of the trajectories", 0, len(runs.lengths))[0].numpy())
     offline = _trajectories(runs, mixture, "action" in needs.offline, device)
@@ -119,7 +119,7 @@ def labels_of(
 
 
 def _runs(rows: Rows, mixture: Mixture) -> _Runs:
-    """The longest stretches of successive steps that `rows` hold; whole episodes but for what boundary rules drop."""
+    """The longest runs of successive steps in `rows`; whole episodes but for the steps that boundary rules drop."""
     lengths = mixture.lengths
     first = np.concatenate(([0], np.cumsum(lengths)[:-1])).astype(np.int64)
     episode = np.repeat(np.arange(len(lengths)), lengths)

@@ -1,8 +1,8 @@
-"""Data files on this machine: where each lies and what its hash was when it was first used.
+"""Data files on this machine: the path of each, and its hash when it was first used.
 
 Below the cache, ``files/<source>/<name>.json`` is the note of one file and, where it was downloaded, ``<name>.hdf5``
-is the file itself. A file that was adopted stays where it is. The hash is recorded on first use and compared ever
-after; the file is only read again for it when it looks changed.
+is the file itself. An adopted file stays in its place. The hash is recorded on first use and compared ever after; the
+file is hashed again only when its size or times have changed.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ FILES = "files"
 
 
 class Note(BaseModel):
-    """What is known of a file.
+    """Known facts about a file.
 
     Attributes:
-        path: where it lies.
+        path: of the file.
         sha256: of its bytes, when it was first used.
-        stamp: size and times then or when its hash was last found unchanged.
-        address: where it was downloaded from; empty of one that was adopted, or is the user's own.
+        stamp: size and times then, or when its hash was last found unchanged.
+        address: of the download; empty for an adopted file or a user's own.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -50,23 +50,23 @@ class Note(BaseModel):
 
 
 class Library(NamedTuple):
-    """The files that a cache knows of."""
+    """Index of the data files of one cache."""
 
     cache: Path
 
     def folder(self, source: str) -> Path:
-        """Where a source's notes and downloads lie."""
+        """Folder of a source's notes and downloads."""
         return self.cache / FILES / source
 
     def place(self, source: str, file: DataFile) -> Path:
-        """Where a download of the file lies, or the user's own."""
+        """Path of the file's download, or of a user's own file."""
         return Path(file.path) if _is_own(file) and file.path else self.folder(source) / f"{file.name}.hdf5"
 
     def note(self, source: str, file: DataFile) -> Note | None:
-        """What is known of a file; None where nothing is.
+        """Note of a file; None where there is none.
 
         Raises:
-            UserError: its note says nothing, so that nobody knows whether the file is the one that was first used.
+            UserError: the note is unreadable, so that a changed file would go unnoticed.
         """
         path = self._note_path(source, file)
         try:
@@ -75,21 +75,21 @@ class Library(NamedTuple):
             return None
         except OSError as error:
             why = f"cannot be read ({error.strerror})"
-            raise _no_telling(path, why, file) from error
+            raise _unreadable_note(path, why, file) from error
         except (ValueError, ValidationError) as error:
-            raise _no_telling(path, "is damaged", file) from error
+            raise _unreadable_note(path, "is damaged", file) from error
 
     def has_note(self, source: str, file: DataFile) -> bool:
-        """Whether there is a note of a file, readable or not."""
+        """True if there is a note of a file, readable or not."""
         return exists(self._note_path(source, file))
 
     def find(self, file: DataFile, source: str) -> DataFile:
-        """The file with its path and hash; as it is where it is not here.
+        """The file with its path and hash; unchanged where it is not on this machine.
 
-        A user's own file is taken as it is now. One of a source must be what it was when it was first used.
+        A user's own file may have changed. One of a source must be the one that was first used.
 
         Raises:
-            UserError: an own file is not there, or another file has taken the place of a source's.
+            UserError: an own file is missing, or a source's file was replaced by another.
         """
         if _is_own(file):
             return self._own(file)
@@ -100,7 +100,7 @@ class Library(NamedTuple):
         return replace(file, path=str(path), sha256=self._known(source, file, note, path).sha256)
 
     def here(self, source: str, file: DataFile) -> Note | None:
-        """The note of a file that is here and is what it was; None where it is not here, or was never noted.
+        """Note of a present, unchanged file; None where the file or its note is missing.
 
         Raises:
             UserError: as `find` does.
@@ -110,11 +110,11 @@ class Library(NamedTuple):
             return None
         return self._known(source, file, note, Path(note.path))
 
-    def take_in(self, source: str, file: DataFile, path: Path, address: str = "") -> Note:
-        """Note where a file lies and what its hash is.
+    def register(self, source: str, file: DataFile, path: Path, address: str = "") -> Note:
+        """Record the path and the hash of a file.
 
         Raises:
-            UserError: it cannot be read, or it is another file than the one that was first used.
+            UserError: it cannot be read, or is another file than the one that was first used.
         """
         earlier = self.note(source, file)
         found, stamp = _hash(path)
@@ -125,7 +125,7 @@ class Library(NamedTuple):
         return note
 
     def forget(self, source: str, file: DataFile) -> None:
-        """Remove the note of a file, so that the next one of its name is taken as it is.
+        """Remove the note of a file, so that the next file of its name is recorded anew.
 
         Raises:
             UserError: the disk refuses.
@@ -137,10 +137,10 @@ class Library(NamedTuple):
             raise cannot_delete(path, error) from error
 
     def verify(self, source: str, file: DataFile) -> Note | None:
-        """Hash a file again, however it looks; None where there is none.
+        """Hash a file again, whatever its stamp; None where there is none.
 
         Raises:
-            UserError: as `take_in` does, or the file is known and is not where it was.
+            UserError: as `register` does, or a known file is missing.
         """
         note = self.note(source, file)
         path = Path(note.path) if note else self.place(source, file)
@@ -149,7 +149,7 @@ class Library(NamedTuple):
                 f"{file.name} is no longer at {path}.",
                 "Put it back, or fetch it again: lfobench data download; with --from DIR from where it is now.",
             )
-        return self.take_in(source, file, path, note.address if note else "") if exists(path) else None
+        return self.register(source, file, path, note.address if note else "") if exists(path) else None
 
     def _own(self, file: DataFile) -> DataFile:
         path = self.place(OWN, file)
@@ -160,14 +160,14 @@ class Library(NamedTuple):
         if note is None or note.stamp != _stamp(path):
             found, stamp = _hash(path)
             note = Note(path=str(path), sha256=found, stamp=stamp)
-            with suppress(UserError):  # it only saves hashing the file again
+            with suppress(UserError):  # the note only saves hashing the file again
                 write_text(self._note_path(OWN, file), note.model_dump_json(indent=1) + "\n")
         return replace(file, sha256=note.sha256)
 
     def _known(self, source: str, file: DataFile, note: Note | None, path: Path) -> Note:
         if note is not None and note.stamp == _stamp(path):
             return note
-        return self.take_in(source, file, path, note.address if note else "")
+        return self.register(source, file, path, note.address if note else "")
 
     def _note_path(self, source: str, file: DataFile) -> Path:
         if not _is_own(file):
@@ -181,13 +181,13 @@ def _is_own(file: DataFile) -> bool:
 
 
 def _stamp(path: Path) -> tuple[int, int, int]:
-    with _refusals_named(path):
+    with _problems_as_user_errors(path):
         return stamp(path)
 
 
 def _hash(path: Path) -> tuple[str, tuple[int, int, int]]:
     """SHA-256 and stamp of the same bytes."""
-    with _refusals_named(path):
+    with _problems_as_user_errors(path):
         for _ in range(3):
             before = stamp(path)
             found = sha256(path)
@@ -197,7 +197,7 @@ def _hash(path: Path) -> tuple[str, tuple[int, int, int]]:
 
 
 @contextmanager
-def _refusals_named(path: Path) -> Iterator[None]:
+def _problems_as_user_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except FileProblem as problem:
@@ -206,7 +206,7 @@ def _refusals_named(path: Path) -> Iterator[None]:
         raise UserError(f"Cannot read {path}: {error.strerror}.", "Name another file.") from error
 
 
-def _no_telling(note: Path, why: str, file: DataFile) -> UserError:
+def _unreadable_note(note: Path, why: str, file: DataFile) -> UserError:
     return UserError(
         f"The note {note} {why}, so that nothing says which {file.name} was first used.",
         "Delete it to take the file as it is now.",
@@ -225,7 +225,7 @@ MINARI = "minari:"
 
 @dataclass(frozen=True)
 class Wanted:
-    """A file of a source and what it must fit.
+    """A file of a source, and the tasks and environment that it belongs to.
 
     Attributes:
         source: e.g. ``d4rl``.
@@ -241,7 +241,7 @@ class Wanted:
 
 
 def wanted_files(tasks: Sequence[Task], sources: Sequence[str] | None = None) -> list[Wanted]:
-    """Every file that the tasks read from these sources, or from any, each once."""
+    """Files that the tasks read from these sources, or from any, each once."""
     found: dict[tuple[str, str, str | None], Wanted] = {}
     for task in tasks:
         for source, files in task.files.items():
@@ -256,11 +256,11 @@ def wanted_files(tasks: Sequence[Task], sources: Sequence[str] | None = None) ->
     return sorted(found.values(), key=lambda wanted: wanted.source)
 
 
-def bring(library: Library, wanted: Wanted, report: Report) -> Note:
-    """Download a file, unless it is here, look at it, and note its hash.
+def download(library: Library, wanted: Wanted, report: Report) -> Note:
+    """Download a file, unless it is present, inspect it, and record its hash.
 
     Raises:
-        UserError: it cannot be had, or is not what it should be.
+        UserError: it cannot be fetched, or fails the inspection.
     """
     if (note := library.here(wanted.source, wanted.file)) is not None:
         return note
@@ -268,36 +268,38 @@ def bring(library: Library, wanted: Wanted, report: Report) -> Note:
     if first.startswith(MINARI):
         return _with_minari(library, wanted, first.removeprefix(MINARI))
     place = library.place(wanted.source, wanted.file)
-    arrived = fetch(wanted.file.name, wanted.file.addresses, place, _not_data, lambda path: look(path, wanted), report)
+    arrived = fetch(
+        wanted.file.name, wanted.file.addresses, place, _not_data, lambda path: inspect(path, wanted), report
+    )
     if not arrived.address:
-        look(place, wanted)  # put there by hand, or by another process
-    return library.take_in(wanted.source, wanted.file, place, arrived.address)
+        inspect(place, wanted)  # put there by hand, or by another process
+    return library.register(wanted.source, wanted.file, place, arrived.address)
 
 
 def adopt(library: Library, wanted: Wanted, folder: Path) -> Note | None:
-    """Use a file that lies in a folder of somebody's, where it lies; None where none of its names is there.
+    """Register a file in a user's folder, in its place; None where none of its names is there.
 
     Raises:
-        UserError: what is there is not what it should be.
+        UserError: it fails the inspection.
     """
     for name in _names(wanted.file):
         path = folder / name
         if exists(path):
-            look(path, wanted)
-            return library.take_in(wanted.source, wanted.file, path.resolve())
+            inspect(path, wanted)
+            return library.register(wanted.source, wanted.file, path.resolve())
     return None
 
 
 def known(library: Library, wanted: Wanted) -> bool:
-    """Whether a file, or a part of it, is here or was."""
+    """True if a file, or a part of it, is or was on this machine."""
     place = library.place(wanted.source, wanted.file)
     return library.has_note(wanted.source, wanted.file) or bool(wanted.file.addresses and fetched(place))
 
 
 def forget(library: Library, wanted: Wanted) -> bool:
-    """Delete what was fetched of a file and what was made of it, and its note; returns whether anything was fetched.
+    """Delete a file's download, its shards and its note; returns whether there was a download.
 
-    A file that was adopted, or is the user's own, stays where it lies.
+    An adopted file, or a user's own, stays in its place.
 
     Raises:
         UserError: another process is fetching it, or the disk refuses.
@@ -305,7 +307,7 @@ def forget(library: Library, wanted: Wanted) -> bool:
     try:
         note = library.note(wanted.source, wanted.file)
     except UserError:
-        note = None  # which hides what was made of the file, and is forgotten like any other
+        note = None  # an unreadable note: the shards of its file cannot be found, and the note is removed
     deleted = bool(wanted.file.addresses) and discard(library.place(wanted.source, wanted.file))
     if note is not None:
         forget_imports(library.cache, wanted.file.name, note.sha256)
@@ -313,11 +315,11 @@ def forget(library: Library, wanted: Wanted) -> bool:
     return deleted
 
 
-def look(path: Path, wanted: Wanted) -> None:
-    """Refuse a file that cannot be trained on, or is not of its environment.
+def inspect(path: Path, wanted: Wanted) -> None:
+    """Refuse a file that cannot be trained on, or does not fit its environment.
 
     Raises:
-        UserError: naming the file and what is wrong with it.
+        UserError: with the file and the problem.
     """
     found = examine_file(path, wanted.environment.horizon, wanted.file.keys)
     if not found.usable:
@@ -343,7 +345,7 @@ def _not_data(start: bytes) -> str:
 
 
 def _names(file: DataFile) -> list[str]:
-    """Under which names people have it, below the folder that its source's own tools use."""
+    """Usual names of the file, below the folder that its source's own tools use."""
     names = [f"{file.name}.hdf5"]
     for address in file.addresses:
         if address.startswith(MINARI):
@@ -365,10 +367,10 @@ def _with_minari(library: Library, wanted: Wanted, identifier: str) -> Note:
     try:
         minari.download_dataset(identifier)
         path = Path(get_dataset_path(identifier))
-    except Exception as error:  # whatever a host, a network or another library raises
+    except Exception as error:  # any error of a host, a network or another library
         raise UserError(
             f"Minari cannot fetch {identifier} ({type(error).__name__}: {error}).",
             "Try again later, adopt a copy with --from DIR, or use --source generated.",
         ) from error
-    look(path, wanted)
-    return library.take_in(wanted.source, wanted.file, path, f"{MINARI}{identifier}")
+    inspect(path, wanted)
+    return library.register(wanted.source, wanted.file, path, f"{MINARI}{identifier}")

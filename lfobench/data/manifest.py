@@ -1,4 +1,4 @@
-"""The manifest that says what is in a task's data."""
+"""Manifest of a task's data: counts of its parts and rows."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ class PartCounts:
 
     @property
     def sentence(self) -> str:
-        """The line in words."""
+        """The line as a sentence."""
         return (
             f"{self.name}: {self.episodes:,} episodes, {self.transitions:,} transitions, "
             f"{self.terminated:,} terminated, {self.truncated:,} truncated, "
-            f"mean score {_spelled(self.mean_score)}, fingerprint {self.fingerprint[:16]}"
+            f"mean score {_score_text(self.mean_score)}, fingerprint {self.fingerprint[:16]}"
         )
 
 
 @dataclass(frozen=True)
 class ExactManifest:
-    """What a recipe whose boundaries are exact turned out to hold.
+    """Counts of a recipe's data under exact boundaries.
 
     Attributes:
         task: its name.
-        parts: as far as they are read.
+        parts: in the amount that is read.
         expert_trajectories: that joined the offline data.
         offline_triples: (s, s', s'') rows of the offline data.
         expert_triples: those that are observed.
@@ -56,7 +56,7 @@ class ExactManifest:
     sampled: bool
 
     def sentences(self) -> list[str]:
-        """The recipe in words, with the counts; a recording's score is 100 where it succeeded, else 0."""
+        """Sentences about the recipe, with the counts; a recording's score is 100 where it succeeded, else 0."""
         how = "drawn uniformly from its trajectories, in random order" if self.sampled else "all of its trajectories"
         joined = counted(self.expert_trajectories, "expert trajectory is", "expert trajectories are")
         return [
@@ -69,18 +69,18 @@ class ExactManifest:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a recipe turned out to hold, counted under the released rules.
+    """Counts of a recipe's data under released boundaries.
 
     Attributes:
         task: its name.
-        parts: the raw parts as read.
+        parts: in the amount that is read.
         offline_rows: transitions of the offline mix.
         expert_rows_in_mix: how many of them came from the expert part, with their actions.
         triples: (s, s', s'') rows of the mix.
-        teleports: triples that end in the first observation of another episode.
+        cross_episode: triples that end in the first observation of another episode.
         demonstration_rows: triples of the demonstration that can be sampled.
-        demonstrations: how many of the first expert episodes they are made of, or begin with.
-        demonstration_steps: length of those.
+        demonstrations: number of the first expert episodes that they come from, or begin with.
+        demonstration_steps: total length of these episodes.
         demonstration_score: their mean normalised score.
         exact_triples: rows that the ``absorbing`` rules would keep.
     """
@@ -90,7 +90,7 @@ class Manifest:
     offline_rows: int
     expert_rows_in_mix: int
     triples: int
-    teleports: int
+    cross_episode: int
     demonstration_rows: int
     demonstrations: int
     demonstration_steps: int
@@ -98,17 +98,17 @@ class Manifest:
     exact_triples: int
 
     def sentences(self) -> list[str]:
-        """The recipe in words, with the counts."""
+        """Sentences about the recipe, with the counts."""
         return [
             *(part.sentence for part in self.parts),
             f"offline mix: {self.offline_rows:,} transitions, {self.expert_rows_in_mix:,} of them expert, with actions",
-            f"released triples: {self.triples:,}, of which {self.teleports:,} cross into another episode (teleport)",
+            f"released triples: {self.triples:,}, {self.cross_episode:,} of them across two episodes (teleport)",
             f"exact triples with absorbing ends: {self.exact_triples:,}",
             f"demonstration: {self.demonstration_rows:,} observation triples, from the first expert episode on "
-            f"({self.demonstration_steps:,} steps, score {_spelled(self.demonstration_score)})"
+            f"({self.demonstration_steps:,} steps, score {_score_text(self.demonstration_score)})"
             if self.demonstrations == 1
             else f"demonstrations: {self.demonstration_rows:,} observation triples of the first {self.demonstrations} "
-            f"expert episodes ({self.demonstration_steps:,} steps, mean score {_spelled(self.demonstration_score)})",
+            f"expert episodes ({self.demonstration_steps:,} steps, mean score {_score_text(self.demonstration_score)})",
             "the demonstrated trajectory, with its actions, is also inside the offline mix (as published)"
             if self.expert_rows_in_mix
             else "no expert trajectory is inside the offline mix",
@@ -148,7 +148,7 @@ def _by_method(data: TaskData) -> Manifest:
     )
     second = released.offline.second_next_observation
     assert second is not None
-    teleports = int(np.count_nonzero(second != released.offline.observation + 2))
+    cross_episode = int(np.count_nonzero(second != released.offline.observation + 2))
     return Manifest(
         task=data.task.name,
         parts=(
@@ -158,7 +158,7 @@ def _by_method(data: TaskData) -> Manifest:
         offline_rows=offline_rows + len(joining),
         expert_rows_in_mix=len(joining),
         triples=len(released.offline),
-        teleports=teleports,
+        cross_episode=cross_episode,
         demonstration_rows=len(released.expert),
         demonstrations=recipe.observed,
         demonstration_steps=data.demonstrations.transitions,
@@ -173,5 +173,5 @@ def _counts(name: str, data: TaskData, episodes: Episodes, mark: str) -> PartCou
     return PartCounts(name, count, episodes.transitions, terminated, count - terminated, data.score(episodes), mark)
 
 
-def _spelled(score: float | None) -> str:
+def _score_text(score: float | None) -> str:
     return "unknown" if score is None else f"{score:.1f}"

@@ -69,7 +69,7 @@ STD_FLOOR = 1e-10
 
 @dataclass(frozen=True)
 class ObservationTransform:
-    """How raw observations become a method's observations, in the data and in the simulator.
+    """Transform from raw observations to a method's observations, in the data and in the simulator.
 
     Attributes:
         shift: ``[obs]`` subtracted.
@@ -129,11 +129,11 @@ def mix(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, h
     """The rows of a recipe under the boundary rules that a method declares, or exact ones where the recipe says so.
 
     Args:
-        offline: the poor part.
+        offline: the suboptimal part.
         expert: the expert part; K trajectories of it join the offline data, with their actions.
         recipe: counts.
         needs: the method's declaration.
-        horizon: steps at which the released expert walk counts a trajectory.
+        horizon: steps at which the D4RL loader's count ends an expert trajectory.
 
     Raises:
         ValueError: for a boundary and a termination that no rule combines.
@@ -187,7 +187,7 @@ def mix(offline: Episodes, expert: Episodes, recipe: Recipe, needs: DataNeeds, h
 def _stacked(offline: Episodes, expert: Episodes, indicator: bool) -> tuple[Episodes, FloatArray]:
     """Both parts, and the memory ``[M, obs (+ 1)]`` that their observations lie in.
 
-    An indicator is a column of zeros beside the observations and a row behind them, so nothing is copied for it.
+    An indicator is a column of zeros next to the observations and a row after them, so nothing is copied for it.
     """
     count, size = len(offline.observations) + len(expert.observations), offline.observations.shape[1]
     observations = np.empty((count + indicator, size + indicator), np.float32)
@@ -216,7 +216,7 @@ def _exact(episodes: Episodes, needs: DataNeeds, absorbing: int) -> Rows:
 
 
 def _sample(observed: Episodes, wanted: int, needs: DataNeeds) -> Rows:
-    """The same rows for every method, whether it reads s'' or not, so they are of those that have one.
+    """A sample of the rows that have s'', so that every method gets the same, whether it reads s'' or not.
 
     Raises:
         UserError: when the sample is larger than what it is drawn from.

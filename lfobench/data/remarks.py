@@ -1,4 +1,4 @@
-"""What a reader of a number should know of the data behind it, and data that nothing can be learned from."""
+"""Warnings about a task's data, and refusal of data that nothing can be learned from."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from lfobench.record import Warning
 from lfobench.text import counted
 
 FEWEST_EPISODES = 10
-"""Of experts, to say of one of them that it is worse than they are."""
+"""Expert episodes that a demonstration is compared with, at the least."""
 ROUNDING = 1e-6
-"""Of an action at the bound of its box."""
+"""Tolerance of an action at the bound of its box."""
 
 
 def check_parts(data: TaskData) -> None:
@@ -50,7 +50,7 @@ def unbounded_actions(task: Task) -> Iterator[Warning]:
 
 
 def remarks(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
-    """What is not as the recipe or the environment has it, for a method of these needs, and ends that are in doubt."""
+    """Deviations from the recipe or the environment, for a method of these needs, and doubtful ends of episodes."""
     yield from unbounded_actions(data.task)
     yield from _outside_the_box(data)
     yield from _doubtful(data)
@@ -84,17 +84,17 @@ def _doubtful(data: TaskData) -> Iterator[Warning]:
 
 
 def _short(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
-    """What there is less of than the recipe takes."""
+    """Parts that are smaller than the recipe takes."""
     recipe, episodes = data.recipe, len(data.expert.lengths)
-    poor = (data.offline.transitions, recipe.offline_transitions, "transitions")
+    offline = (data.offline.transitions, recipe.offline_transitions, "transitions")
     if recipe.equal_transitions:
-        poor = (data.offline.transitions, data.demonstrations.transitions, "transitions")
+        offline = (data.offline.transitions, data.demonstrations.transitions, "transitions")
     elif recipe.offline_transitions is None:
-        poor = (len(data.offline.lengths), recipe.offline_trajectories, "trajectories")
-    shown = (episodes, recipe.demonstrations, "trajectories")
+        offline = (len(data.offline.lengths), recipe.offline_trajectories, "trajectories")
+    expert = (episodes, recipe.demonstrations, "trajectories")
     if recipe.demonstration_rows is not None:
-        shown = (data.expert.transitions, recipe.demonstration_rows, "transitions")
-    for part, (have, wanted, unit) in (("offline part", poor), ("expert part", shown)):
+        expert = (data.expert.transitions, recipe.demonstration_rows, "transitions")
+    for part, (have, wanted, unit) in (("offline part", offline), ("expert part", expert)):
         if have < (wanted or 0):
             yield Warning(
                 what=f"The {part} of {data.task.name} has {have:,} of the {wanted:,} {unit} of the recipe.",
@@ -110,7 +110,7 @@ def _short(data: TaskData, needs: DataNeeds) -> Iterator[Warning]:
 
 
 def _rows_of_several(data: TaskData) -> Iterator[Warning]:
-    """Said where a count of rows, meant for one trajectory, spans several: not all methods count so."""
+    """A count of rows, meant for one trajectory, that spans several: not all methods count in rows."""
     rows, length = data.recipe.demonstration_rows, int(data.expert.lengths[0])
     if rows is not None and rows >= 2 * length:
         yield Warning(
@@ -121,7 +121,7 @@ def _rows_of_several(data: TaskData) -> Iterator[Warning]:
 
 
 def _poor_demonstration(data: TaskData) -> Iterator[Warning]:
-    """Said of a single demonstration; where there are several, the record says how well they do."""
+    """A single demonstration that is worse than other expert episodes; of several, the record holds the mean score."""
     single = data.recipe.observed == 1 and len(data.expert.lengths) >= FEWEST_EPISODES
     if data.demonstration_score is None or not single:
         return

@@ -1,4 +1,4 @@
-"""The data that a command line names: tasks of a suite, from a source, as much of it as a protocol reads."""
+"""Requested data: tasks of a suite, from a source, in the amount that a protocol reads."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from lfobench.registry import load_suite
 
 
 @dataclass(frozen=True)
-class AskedData:
+class RequestedData:
     """Data by name, before any of it is made or read.
 
     Attributes:
         name: of the suite, or the path of its file.
         suite: behind it.
-        tasks: the chosen ones, as the source has them, with its files where they are here.
+        tasks: the chosen ones, in the source's form, with the files that are on this machine.
         source: its name.
         protocol: which decides how much is read.
-        cache: where shards lie.
+        cache: root of the shards.
     """
 
     name: str
@@ -50,7 +50,7 @@ class AskedData:
         ]
 
     def missing_shards(self) -> list[ShardJob | ImportJob]:
-        """Those that are not in the cache and can be made."""
+        """Shards that are not in the cache and can be made."""
         return missing_shards(self.cache, self.name, self.requests)
 
     def rows(self) -> list[dict[str, Any]]:
@@ -58,7 +58,7 @@ class AskedData:
         return [_row(task, request, PartCache(self.cache, request.specification)) for task, request in self.requests]
 
     def check_files(self) -> None:
-        """Hold the files that tasks are read from, once they are in the cache, against the environments.
+        """Compare the imported files of the tasks with the environments' spaces.
 
         Raises:
             UserError: a file's rows are not as wide as the environment's.
@@ -70,7 +70,7 @@ class AskedData:
         """Read one of the tasks' data.
 
         Raises:
-            UserError: a file is not here, or a shard is missing or damaged.
+            UserError: a file is not on this machine, or a shard is missing or damaged.
         """
         check_here([task], self.name, self.source)
         return load_task(self.cache, self.suite, task, self.protocol.recipe_for(task), self.rebuild(task))
@@ -80,8 +80,8 @@ class AskedData:
         return build_command(self.name, self.protocol.name, task.name, spelled(task, self.source))
 
 
-def asked_data(suite: str, tasks: str | None, protocol: str, source: str) -> AskedData:
-    """Names to data.
+def requested_data(suite: str, tasks: str | None, protocol: str, source: str) -> RequestedData:
+    """The data behind names.
 
     Args:
         suite: a name, or the path of a file.
@@ -92,12 +92,11 @@ def asked_data(suite: str, tasks: str | None, protocol: str, source: str) -> Ask
     Raises:
         UserError: an unknown name, or a file of the user's that is not there.
     """
-
     loaded, cache = load_suite(suite), cache_folder()
     name, own = choose_source(source, loaded)
     chosen = chosen_tasks(loaded, tasks)
     budget, _ = choose_protocol(protocol, "cuda" if cuda_is_available() else "cpu")
-    return AskedData(suite, loaded, tuple(read_from(chosen, name, own, Library(cache).find)), name, budget, cache)
+    return RequestedData(suite, loaded, tuple(read_from(chosen, name, own, Library(cache).find)), name, budget, cache)
 
 
 def _row(task: str, request: PartRequest, cache: PartCache) -> dict[str, Any]:

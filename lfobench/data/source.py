@@ -35,15 +35,15 @@ class TaskData:
         return {part: {"name": file.name, "sha256": file.sha256} for part, file in parts.items() if file is not None}
 
     def score(self, episodes: Episodes) -> float | None:
-        """Mean normalised score of episodes; None where their rewards do not say it."""
-        told = self.task.read_from is None or self.task.read_from.returns
-        if not told or not np.isfinite(episodes.rewards).all():
+        """Mean normalised score of episodes; None where rewards are missing or are not the environment's."""
+        comparable = self.task.read_from is None or self.task.read_from.returns
+        if not comparable or not np.isfinite(episodes.rewards).all():
             return None
         return self.task.environment.normalized_score(float(episodes.returns().mean()))
 
     @property
     def demonstrations(self) -> Episodes:
-        """The trajectories that are observed; of a demonstration that is counted in rows, the one that begins it."""
+        """The observed trajectories; the first one where a demonstration is counted in rows."""
         return self.expert.first_episodes(self.recipe.observed)
 
     @property
@@ -52,7 +52,7 @@ class TaskData:
         return self.score(self.demonstrations)
 
     def counts(self, needs: DataNeeds) -> Counts | None:
-        """What there is of the recipe's data, under a method's rules; None where all is counted in trajectories."""
+        """Present amounts of the recipe's data, under a method's rules; None where all is counted in trajectories."""
         recipe = self.recipe
         if recipe.offline_transitions is None:
             return None
@@ -90,13 +90,13 @@ def load_task(root: Path, suite: Suite, task: Task, recipe: Recipe, rebuild: str
 
 
 def _loaded(root: Path, request: PartRequest, rebuild: str) -> tuple[Episodes, str]:
-    """A part as far as it is asked for, and its fingerprint."""
+    """The requested amount of a part, and its fingerprint."""
     episodes, mark = PartCache(root, request.specification).load(request.transitions, rebuild)
     return episodes if request.trajectories is None else episodes.first_episodes(request.trajectories), mark
 
 
 def declared_fingerprints(root: Path, suite: Suite, task: Task, recipe: Recipe) -> dict[str, str]:
-    """Fingerprints of a task's parts as their headers say; a part that is not whole is left out."""
+    """Fingerprints of a task's parts by their headers; incomplete parts are left out."""
     parts = zip(("offline", "expert"), requests(suite, task, recipe), strict=True)
     marks = {
         part: PartCache(root, request.specification).declared_fingerprint(request.transitions)
@@ -106,7 +106,7 @@ def declared_fingerprints(root: Path, suite: Suite, task: Task, recipe: Recipe) 
 
 
 def check_columns(root: Path, suite: Suite, task: Task, recipe: Recipe, rebuild: str) -> None:
-    """Hold the files that a task is read from, once they are in the cache, against its environment.
+    """Compare the imported files of a task with its environment's spaces.
 
     Raises:
         UserError: a file's rows are not as wide as the environment's.
@@ -135,8 +135,8 @@ def _check_actions(task: Task, recipe: Recipe, offline: Episodes, expert: Episod
             )
 
 
-def demonstrated_strokes(data: TaskData, columns: slice) -> list[FloatArray]:
-    """Lines ``[T + 1, 2]`` through the observed expert transitions, raw; of sampled ones each is a line of its own.
+def demonstrated_paths(data: TaskData, columns: slice) -> list[FloatArray]:
+    """Lines ``[T + 1, 2]`` through the raw observed expert transitions; a line per transition where they are sampled.
 
     Args:
         data: of the task.

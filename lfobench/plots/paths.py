@@ -39,7 +39,7 @@ from lfobench.record import SUCCESS
 from lfobench.tables.table import Table
 
 _MOST_POINTS = 2_500
-"""Of demonstrations in one panel; beyond, they are a blot and a large file."""
+"""Points of demonstrations in one panel; more are a blot and a large file."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Demonstrated(Panel):
     """Panel of what the methods observe.
 
     Attributes:
-        strokes: lines ``[T, 2]`` through successive observed positions, in metres; one transition is a short one.
+        lines: ``[T, 2]`` through successive observed positions, in metres; a single transition is a short line.
     """
 
-    strokes: Sequence[Points]
+    lines: Sequence[Points]
 
 
 @dataclass(frozen=True)
@@ -122,14 +122,14 @@ def _all_points(panels: Sequence[Demonstrated | RolledOut]) -> list[Points]:
 
 
 def _shown(panel: Demonstrated) -> list[Points]:
-    """The first strokes, up to `_MOST_POINTS`."""
+    """The first lines, up to `_MOST_POINTS`."""
     shown: list[Points] = []
     points = 0
-    for stroke in panel.strokes:
-        points += len(stroke)
+    for line in panel.lines:
+        points += len(line)
         if shown and points > _MOST_POINTS:
             break
-        shown.append(stroke)
+        shown.append(line)
     return shown
 
 
@@ -165,8 +165,8 @@ def _told(panels: Sequence[Demonstrated | RolledOut]) -> Iterator[str]:
         if isinstance(panel, RolledOut):
             counts = Counter(episode.outcome for episode in panel.episodes)
             yield f"{name}: {', '.join(f'{count} {outcome}' for outcome, count in counts.most_common())}."
-        elif (shown := len(_shown(panel))) < len(panel.strokes):
-            yield f"{name}: the first {shown} of {len(panel.strokes)}."
+        elif (shown := len(_shown(panel))) < len(panel.lines):
+            yield f"{name}: the first {shown} of {len(panel.lines)}."
 
 
 _SPACING = 0.01

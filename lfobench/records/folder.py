@@ -29,7 +29,7 @@ SEAL = "seal"
 FAILURE_SUFFIX = ".failure"
 
 TUNING = "tuning"
-"""Folder below an output folder where ``lfobench tune`` keeps its trials, whose records are nobody's results."""
+"""Folder below an output folder where ``lfobench tune`` keeps its trials, whose records are no results."""
 
 ASIDE = "aside"
 """Folder below an output folder where ``lfobench run --rerun`` keeps what it trains anew, in a folder per command."""
@@ -43,18 +43,18 @@ class RecordFolder:
 
     @property
     def records(self) -> Path:
-        """Where the records lie."""
+        """Folder of the records."""
         return self.root / "records"
 
     def path(self, run: Run) -> Path:
-        """The one place of a run's record."""
+        """Path of a run's record."""
         cell = run.cell
         name = f"{cell.method.name}-{cell.preset}-seed{run.seed}-{run.identity_hash[:12]}.json"
         return self.records / safe_name(cell.task.name) / safe_name(name)
 
     @property
     def checkpoints(self) -> Path:
-        """Where unfinished runs save where they stand."""
+        """Folder of the checkpoints of unfinished runs."""
         return self.root / "checkpoints"
 
     def checkpoint(self, run: Run) -> Path:
@@ -62,11 +62,11 @@ class RecordFolder:
         return self.checkpoints / f"{self.path(run).stem}.safetensors"
 
     def lock(self, run: Run) -> Path:
-        """Held by the process that trains a run."""
+        """Lock of the process that trains a run."""
         return self.checkpoints / f"{self.path(run).stem}.lock"
 
     def failure(self, run: Run) -> Path:
-        """Where a crashed run is told of; its own suffix keeps it apart from records."""
+        """Report of a crashed run; its own suffix separates it from records."""
         return self.root / "failures" / safe_name(run.cell.task.name) / f"{self.path(run).stem}{FAILURE_SUFFIX}"
 
     def policy(self, record: Record) -> Path:
@@ -75,7 +75,7 @@ class RecordFolder:
         return self.root / "policies" / safe_name(record.task) / safe_name(f"{name}.safetensors")
 
     def find(self, run: Run) -> Record | None:
-        """The run's record, if it is there and whole, as views take it (see `Record.bounded`)."""
+        """The run's record, bounded (see `Record.bounded`); None where it is missing or damaged."""
         path = self.path(run)
         try:
             if not path.exists():
@@ -93,15 +93,16 @@ class RecordFolder:
         return path
 
     def remove_leftovers(self) -> None:
-        """Delete what killed runs left under temporary names in this folder's own subfolders."""
+        """Delete temporary files of killed runs in this folder's own subfolders."""
         for own in ("records", "policies", "checkpoints", "failures"):
             remove_leftovers(self.root / own)
 
     def read_all(self) -> RecordsRead:
         """Every result below the folder, and a warning for every JSON file there that is not one.
 
-        A run leaves one record. Copies of it, as two merged folders have, count once; two records of one run that
-        differ in what they measured do not count at all. A run that exploded is one that diverged, with a warning.
+        A run leaves one record. Copies of it, as in two merged folders, count once; two records of one run with
+        different measurements do not count at all. A run with scores beyond all bounds counts as diverged, with a
+        warning.
 
         Raises:
             UserError: when the folder does not exist or cannot be looked into.
@@ -129,7 +130,7 @@ class RecordFolder:
         return read
 
     def files(self) -> list[Path]:
-        """Every JSON file below the folder, in order, but those of trials and those that were set aside.
+        """JSON files below the folder, in order, without trials and records set aside.
 
         Raises:
             UserError: when the folder does not exist or cannot be looked into.
@@ -144,7 +145,7 @@ class RecordFolder:
             raise UserError(f"Cannot look into {self.root}: {error.strerror}.", "Choose another --out.") from error
 
     def found(self, pattern: str) -> list[Path]:
-        """Files below the folder that match, in order, without those of trials and those that were set aside."""
+        """Files below the folder that match, in order, without trials and files set aside."""
         return sorted(path for path in self.root.rglob(pattern) if not self._apart(path))
 
     def _apart(self, path: Path) -> bool:
@@ -153,17 +154,17 @@ class RecordFolder:
         return any(folder in (TUNING, ASIDE) and above != "records" for above, folder in pairwise(below))
 
     def set_aside(self, runs: Sequence[Run]) -> None:
-        """Move all that runs have left to a new folder below `ASIDE`, whence no view reads.
+        """Move all files of runs to a new folder below `ASIDE`, which no view reads.
 
-        Every file is moved by renaming, a record after what belongs to it: a kill in between loses nothing, and no
-        record is gone whose policy another training would then write over.
+        Files are renamed, a record after its checkpoint and policy: a kill in between loses nothing, and no record is
+        moved while its policy could still be overwritten by another training.
 
         Raises:
             UserError: another process trains one of the runs, or the disk refuses.
         """
         if not runs or not self.root.exists():
             return
-        # At their own place, one that cannot be read is kept, too; elsewhere there may be copies.
+        # At its own path an unreadable record moves, too; copies may be elsewhere.
         records = {run.identity_hash: [self.path(run)] for run in runs}
         for path in self.files():
             record = read_record(path)
@@ -194,18 +195,18 @@ class RecordFolder:
         return next(place for place in places if not place.exists())
 
     def earlier(self, run: Run) -> list[Path]:
-        """Records of a run that were set aside."""
+        """Records of a run that were set aside earlier."""
         return sorted((self.root / ASIDE).glob(f"*/{self.path(run).relative_to(self.root)}"))
 
 
 @dataclass
 class RecordsRead:
-    """What a folder held.
+    """Records of a folder.
 
     Attributes:
         records: one per run.
-        warnings: what was skipped, or was there more than once.
-        contradicted: identity hash to files, where the records of one run measured different things.
+        warnings: about skipped files and copies.
+        contradicted: identity hash to files, where the records of one run have different measurements.
     """
 
     records: list[Record] = field(default_factory=list)
@@ -213,7 +214,7 @@ class RecordsRead:
     contradicted: dict[str, list[Path]] = field(default_factory=dict)
 
     def without(self, runs: Sequence[Run]) -> RecordsRead:
-        """The same but for what these runs have left."""
+        """The same without the records of these runs."""
         gone = {run.identity_hash for run in runs}
         kept = [record for record in self.records if record.identity_hash not in gone]
         contradicted = {identity: paths for identity, paths in self.contradicted.items() if identity not in gone}
@@ -235,7 +236,7 @@ def read_folder(out: Path) -> RecordsRead:
 
 @contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    """Thousands of records are no garbage; looking through them again and again takes a quarter of reading them."""
+    """Garbage collection off: traversing thousands of live records takes a quarter of the time of reading them."""
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -250,18 +251,18 @@ def _outcome(record: Record) -> tuple[object, ...]:
 
 
 def is_trial(record: Record) -> bool:
-    """Whether the record was made for choosing hyperparameters, from starts that are not those of the tests."""
+    """True for a record of a hyperparameter search, whose starts are not those of the tests."""
     return bool(record.identity.get("starts", "evaluation") != "evaluation")
 
 
 def warning_of_trial(path: Path) -> Warning:
-    """What to say of a trial's record where results are asked for."""
+    """Warning about a trial's record among results."""
     remedy = "Name the folder of the results with --out."
     return Warning(what=f"{path} is a trial of 'lfobench tune', no result, and was skipped.", remedy=remedy)
 
 
 def warnings_of_copies(paths: Sequence[Path], contradict: bool) -> list[Warning]:
-    """What to say of the files that are records of one run, which they should not be more than one of."""
+    """Warning about several files that are records of one run; none for a single file."""
     if len(paths) == 1:
         return []
     names = ", ".join(map(str, paths))
@@ -272,7 +273,7 @@ def warnings_of_copies(paths: Sequence[Path], contradict: bool) -> list[Warning]
 
 
 def read_record(path: Path) -> Record | Warning:
-    """One record, or the reason why the file is not one of ours."""
+    """One record, or a warning with the reason why the file is not one."""
     try:
         content = json.loads(read_within(path, MOST_BYTES))
         if isinstance(content, dict) and content.get("schema_version", SCHEMA) != SCHEMA:
@@ -318,7 +319,7 @@ def safe_name(name: str) -> str:
 
 
 def write_failure(folder: RecordFolder, run: Run, error: str, traceback: str, place: Sequence[str] = ()) -> Path:
-    """Keep what is known of a crashed run; a later crash of the same run takes its place."""
+    """Store a report of a crashed run, in place of an earlier one."""
     path = folder.failure(run)
     failure = Failure(
         identity_hash=run.identity_hash,
@@ -333,14 +334,14 @@ def write_failure(folder: RecordFolder, run: Run, error: str, traceback: str, pl
 
 
 def read_failures(folder: RecordFolder, records: list[Record]) -> tuple[list[Failure], list[Warning]]:
-    """Crashed runs that have left no record since, and a warning for every file that does not tell of one."""
+    """Crashed runs without a later record, and a warning for every file that is no report of a crash."""
     done = {record.identity_hash for record in records}
     failures, warnings = [], []
     for path in folder.found(f"*{FAILURE_SUFFIX}"):
         try:
             failure = Failure.model_validate_json(read_within(path, MOST_BYTES))
         except (OSError, ValueError):
-            what = f"{path} does not tell of a failed run and was skipped."
+            what = f"{path} is no report of a failed run and was skipped."
             warnings.append(Warning(what=what, remedy="Delete it; the run is tried again anyway."))
             continue
         if failure.identity_hash not in done:
@@ -356,7 +357,7 @@ class Explanation:
         run: its label.
         identity: hash of the identity that was looked for.
         reused: whether a record with that identity is there.
-        headline: the decision in words.
+        headline: the decision as a sentence.
         differences: fields in which the nearest record differs, ``field: record's -> wanted``; of a reused record
             only its data, where the cache now holds other data under the same description.
         aside: earlier records of the run, which ``--rerun`` trained anew.
@@ -370,7 +371,7 @@ class Explanation:
     aside: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """For scripts."""
+        """The answer as JSON data, without the headline."""
         return {
             "run": self.run,
             "identity": self.identity,
@@ -384,9 +385,9 @@ def explain(run: Run, records: Sequence[Record], data: Mapping[str, str], aside:
     """Compare a run with the records of its method and task.
 
     Args:
-        run: what is asked for.
-        records: what there is.
-        data: fingerprints of the run's data as the cache holds it, by part; without the parts that it lacks.
+        run: the requested run.
+        records: the present ones.
+        data: fingerprints of the run's cached data, by part; without missing parts.
         aside: earlier records of the run.
     """
     found = _compared(run, records, data)
@@ -411,11 +412,13 @@ def _compared(run: Run, records: Sequence[Record], data: Mapping[str, str]) -> E
         if found:
             headline += "; made from other data than this machine's cache holds"
         return Explanation(run.label, run.identity_hash, True, headline, found)
-    kin = [record for record in records if record.method == run.cell.method.name and record.task == run.cell.task.name]
-    if not kin:
+    related = [
+        record for record in records if record.method == run.cell.method.name and record.task == run.cell.task.name
+    ]
+    if not related:
         headline = f"{run.label}: will run, no record of this method on this task"
         return Explanation(run.label, run.identity_hash, False, headline, ())
-    nearest = min(kin, key=lambda record: (len(list(differences(record.identity, run.identity))), record.seed))
+    nearest = min(related, key=lambda record: (len(list(differences(record.identity, run.identity))), record.seed))
     found = tuple(differences(nearest.identity, run.identity))
     headline = f"{run.label}: will run, identity {short}; the nearest record {nearest.identity_hash[:12]} differs in"
     return Explanation(run.label, run.identity_hash, False, headline, found)

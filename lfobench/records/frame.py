@@ -1,4 +1,4 @@
-"""Records as a data frame, for notebooks and anybody's own analysis."""
+"""Records as a data frame, for notebooks and custom analyses."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ RUN_COLUMNS = tuple(name for name in RunFields.model_fields if name not in ("ran
 def load(path: str | Path, *, episodes: bool = False, metrics: bool = False, fresh: bool = False) -> pd.DataFrame:
     """The records below a folder as a tidy frame: one row per run and evaluation, or per episode, or of metrics.
 
-    Columns: those of `RUN_COLUMNS`, which say what was run; then, per evaluation, ``step`` (gradient steps), ``score``
+    Columns: those of `RUN_COLUMNS`, which describe the run; then, per evaluation, ``step`` (gradient steps), ``score``
     (mean normalised score of its episodes), ``return`` and ``length`` (means), ``episodes`` (their number); or, per
     episode, ``step``, ``episode``, ``score``, ``return``, ``length``; and ``identity``, the hash that names the run.
     Episodes from further starts are no evaluation and have no row; the score ``success`` of a table counts them.
-    What is text is plain text, so that grouping gives the groups that are there and no others.
+    Text is plain text and not categorical, so that grouping gives the present groups only.
 
     With `metrics`, one row per run, training ``stage`` and ``step`` (updates of that stage done) at which metrics were
-    written down, and one column per metric, which is the mean over the updates since the stage's previous row; NaN
+    logged, and one column per metric, which is the mean over the updates since the stage's previous row; NaN
     where the method has no such metric or the mean was not finite. A metric of the name of another column has
     ``metric_`` before its own. There is no column of scores: join the frame of evaluations on ``identity``.
 
     A run that diverged has status ``diverged`` and the evaluations before that. One that diverged before its first
     evaluation has one row, at the step where it diverged, without a score; ``episodes`` is 0. In a frame of episodes
-    such a row lacks ``episode`` and ``length`` too, which are then columns of floats. A run that exploded (an episode's
-    score beyond ±1e15) is one that diverged there; a warning names it.
+    such a row lacks ``episode`` and ``length`` too, which are then columns of floats. A run with an episode's score
+    beyond ±1e15 counts as diverged there; a warning names it.
 
     Names are as the records have them: a frame's own ``to_csv`` escapes neither control characters nor cells that begin
     like a formula, as ``lfobench table --format csv`` does.
 
-    Records are verified when they are first read. A file whose size and times of modification and of change are as they
-    were is not opened again, so whoever edits one and then restores all three (which takes setting the system's clock,
-    or writing to the disk beside the file system) is found out only with `fresh`, which verifies every file anew.
+    Records are verified when they are first read. A file with the same size and times of modification and of change is
+    not opened again. An edit that restores all three (which takes setting the system's clock, or writing to the disk
+    past the file system) is found only with `fresh`, which verifies every file anew.
 
     Example::
 
@@ -53,7 +53,7 @@ def load(path: str | Path, *, episodes: bool = False, metrics: bool = False, fre
         frame.groupby(["task", "method", "step"])["score"].mean()
 
     Raises:
-        UserError: no such folder, or both episodes and metrics are asked for.
+        UserError: no such folder, or both episodes and metrics are requested.
     """
     if episodes and metrics:
         raise UserError("Rows of one frame are episodes or metrics, not both.", "Load two frames.")
@@ -92,7 +92,7 @@ def _read(root: Path, fresh: bool) -> tuple[list[Digest], list[Warning]]:
         problems += warnings_of_copies([file for file, _ in copies], contradict)
         if not contradict:
             chosen.append(copies[0][1])
-            problems += [each for each in [chosen[-1].explosion] if each is not None]
+            problems += [each for each in [chosen[-1].bound_warning] if each is not None]
     return chosen, problems
 
 

@@ -1,9 +1,9 @@
-"""What this machine has already verified of a folder of records, so that reading thousands of them again is quick.
+"""Index of the verified records of a folder, so that reading thousands of them again is quick.
 
-An index holds, for every record that was read, verified and understood: by what its file is known again, the fields
-that views select by, and the numbers of its evaluations. A file that is as it was is not opened again. An index is
-only a cache: it is rebuilt from the records whenever it is missing, damaged or of another version, and it lies in this
-user's cache folder, never beside the records, which may come from somebody else.
+It holds, for every record that was read and verified: the stamp of its file, the fields that views select by, and the
+numbers of its evaluations. An unchanged file is not opened again. The index is only a cache: it is rebuilt from the
+records whenever it is missing, damaged or of another version, and it lies in this user's cache folder, never next to
+the records, which may be from another user.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class _Model(BaseModel):
 
 
 class Stamp(NamedTuple):
-    """By which a file is known again; times in nanoseconds.
+    """Size and times of a file, which identify its content; times in nanoseconds.
 
     The time of the last change is the system's own: copying and unpacking tools restore `modified`, but not `changed`.
     """
@@ -54,12 +54,12 @@ class Stamp(NamedTuple):
 
     @property
     def settled(self) -> bool:
-        """Whether any later edit gives another stamp; one within the same tick of the clock might not."""
+        """True if any later edit gives another stamp; one within the same tick of the clock might not."""
         return time.time_ns() - self.modified > COARSEST_CLOCK
 
 
 class RunFields(_Model):
-    """What is the same for all evaluations of a record; `set` and `tuned` are canonical JSON."""
+    """Fields shared by all evaluations of a record; `set` and `tuned` are canonical JSON."""
 
     suite: str
     group: str
@@ -83,7 +83,7 @@ class RunFields(_Model):
 
 @dataclass(frozen=True)
 class Digest:
-    """What views over many records need of one of them.
+    """Summary of one record, for views over many.
 
     Attributes:
         stamp: of the file before it was verified.
@@ -94,7 +94,7 @@ class Digest:
         episodes: episodes of every evaluation ``[E]``; where there is none, 0 ``[1]``.
         returns: raw return of every episode, evaluation after evaluation ``[N]``.
         lengths: steps of every episode ``[N]``.
-        explosion: the warning of a run that exploded, whose evaluations end before that.
+        bound_warning: of a run with a score beyond all bounds, whose evaluations end before that.
     """
 
     stamp: Stamp
@@ -105,32 +105,32 @@ class Digest:
     episodes: NDArray[np.int64]
     returns: NDArray[np.float64]
     lengths: NDArray[np.int64]
-    explosion: Warning | None = None
+    bound_warning: Warning | None = None
 
 
 def digest(record: Record, stamp: Stamp) -> Digest:
     """The digest of a verified record.
 
     Raises:
-        ValueError: it holds what no run leaves: episodes with a return and no length, a number beyond 64 bits.
+        ValueError: it holds values that no run leaves: episodes with a return and no length, a number beyond 64 bits.
     """
     arrays = _arrays(record)
-    said = [each.outcomes for each in record.evaluations]
-    told = [record.status, record.diverged_at, len(arrays[0]), len(arrays[2]), said]
+    outcomes = [each.outcomes for each in record.evaluations]
+    measured = [record.status, record.diverged_at, len(arrays[0]), len(arrays[2]), outcomes]
     further = None if record.further is None else record.further.model_dump(mode="json")
-    outcome = hashlib.sha256(canonical_json([*told, further]).encode())
+    outcome = hashlib.sha256(canonical_json([*measured, further]).encode())
     for part in arrays:
         outcome.update(part.tobytes())
     _add_metrics(outcome, record.metrics)
     bounded = record.bounded()
-    explosion = None
+    bound_warning = None
     if bounded is not record:
-        arrays, explosion = _arrays(bounded), bounded.warnings[-1]
-    return Digest(stamp, record.identity_hash, outcome.hexdigest(), run_fields(bounded), *arrays, explosion)
+        arrays, bound_warning = _arrays(bounded), bounded.warnings[-1]
+    return Digest(stamp, record.identity_hash, outcome.hexdigest(), run_fields(bounded), *arrays, bound_warning)
 
 
 def run_fields(record: Record) -> RunFields:
-    """What was run.
+    """Fields of the run behind a record.
 
     Raises:
         ValueError: a number is beyond 64 bits.
@@ -174,7 +174,7 @@ def _arrays(record: Record) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArr
 
 
 def _add_metrics(outcome: hashlib._Hash, metrics: Sequence[Metrics]) -> None:
-    """Numbers as bytes: spelling each of them would take longer than all the rest of a digest."""
+    """Metrics into the hash, numbers as bytes: as text they would take longer than the rest of a digest."""
     rows = [(each.stage, each.step, sorted(each.values)) for each in metrics]
     outcome.update(canonical_json(rows).encode())
     values = [each.values[name] for each, (_, _, names) in zip(metrics, rows, strict=True) for name in names]
@@ -182,7 +182,7 @@ def _add_metrics(outcome: hashlib._Hash, metrics: Sequence[Metrics]) -> None:
 
 
 def index_path(root: Path) -> Path:
-    """Where the index of a folder lies."""
+    """Path of a folder's index."""
     name = hashlib.sha256(os.fsencode(root.resolve())).hexdigest()[:24]
     return cache_folder() / "index" / f"{name}.npz"
 
@@ -211,19 +211,19 @@ class _Header(_Model):
 
 
 def read_index(root: Path) -> dict[str, Digest]:
-    """Digests by path below `root`; empty where there is no index that can be used."""
+    """Digests by path below `root`; empty where there is no usable index."""
     try:
         with index_path(root).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             header = _Header.model_validate_json(arrays["header"].tobytes())
             paths = [os.fsdecode(path) for path in arrays["paths"].tobytes().split(b"\0")]
             digests = _unpacked(header.records, {name: arrays[name] for name in _ARRAYS})
         return dict(zip(paths, digests, strict=True))
-    except Exception:  # a damaged archive raises any of a dozen kinds, and none is worth more than reading again
+    except Exception:  # a damaged archive raises a dozen kinds of errors; then the records are read again
         return {}
 
 
 def write_index(root: Path, digests: Mapping[str, Digest]) -> None:
-    """Keep the digests, by path below `root`, for the next time; a cache that cannot be written is done without."""
+    """Store the digests by path below `root`; a cache that cannot be written is skipped."""
     found = digests.values()
     header = _Header(
         records=[
@@ -234,7 +234,7 @@ def write_index(root: Path, digests: Mapping[str, Digest]) -> None:
                 fields=each.fields,
                 evaluations=len(each.steps),
                 episodes=len(each.returns),
-                explosion=each.explosion,
+                explosion=each.bound_warning,
             )
             for each in found
         ]
@@ -246,7 +246,7 @@ def write_index(root: Path, digests: Mapping[str, Digest]) -> None:
 
 
 def joined(parts: Sequence[NDArray[Any]], kind: type[np.int64] | type[np.float64]) -> NDArray[Any]:
-    """Arrays end to end; none of them give an empty one."""
+    """Arrays end to end; an empty array of no parts."""
     return np.concatenate([np.empty(0, kind), *parts])
 
 

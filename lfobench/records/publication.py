@@ -1,4 +1,4 @@
-"""Published tables: what a paper printed, and what it says about it."""
+"""Published tables: printed numbers, and a paper's statements about them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class PrintedMean:
 
     @property
     def spread(self) -> float | None:
-        """What a test takes for the spread: the printed one, and for a printed 0 the largest that prints so."""
+        """Spread for tests: the printed one; for a printed 0 the largest spread that is printed so."""
         return self.std if self.std != 0.0 or self.spreads is None else self.spreads[1]
 
 
@@ -45,9 +45,9 @@ class PrintedCount:
     """One cell of a table of successes.
 
     Attributes:
-        successes: how many trials succeeded.
-        trials: how many there were, at least 1.
-        highlighted: as of `PrintedMean`.
+        successes: number of successful trials.
+        trials: number of all, at least 1.
+        highlighted: as in `PrintedMean`.
     """
 
     successes: int
@@ -63,7 +63,7 @@ class PublishedRow(Generic[PrintedCell]):
     """One row.
 
     Attributes:
-        place: what it is about, by column of the file, e.g. ``{"env": "hopper", "dataset": "random-expert"}``.
+        place: its environment and dataset by column of the file, e.g. ``{"env": "hopper", "dataset": "random-expert"}``.
         cells: by method, in file order.
     """
 
@@ -72,13 +72,13 @@ class PublishedRow(Generic[PrintedCell]):
 
     @property
     def name(self) -> str:
-        """Its place in one word, which for the seed paper's Table 1 is our task's name: ``hopper-random-expert``."""
+        """The place joined by dashes; for the seed paper's Table 1 the task's name: ``hopper-random-expert``."""
         return "-".join(self.place.values())
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A number of samples that a paper states, and where it states it."""
+    """A number of samples that a paper states, and the place of the statement."""
 
     n: int
     where: str
@@ -86,11 +86,11 @@ class Claim:
 
 @dataclass(frozen=True)
 class ScoreScale:
-    """What is known of the scores of some rows, by which printed numbers can be checked.
+    """Known properties of the scores of some rows, by which printed numbers can be checked.
 
     Attributes:
         rows: the places that it holds for, by column; empty for all.
-        low: the smallest score that there is.
+        low: the smallest possible score.
         high: the largest.
         step: distance of the scores that a single episode can have; None where unknown or continuous.
         episodes: episodes whose mean is the score of one sample; None where unknown.
@@ -103,7 +103,7 @@ class ScoreScale:
     episodes: int | None = None
 
     def holds_for(self, place: Mapping[str, str]) -> bool:
-        """Whether it speaks of the row at `place`."""
+        """True if it holds for the row at `place`."""
         return all(place.get(column) == value for column, value in self.rows.items())
 
 
@@ -133,9 +133,9 @@ class TableOfMeans(PublishedTable[PrintedMean]):
 
     Attributes:
         claims: the number of samples behind every cell, as the paper states it; several where it contradicts itself.
-        scales: what is known of the scores.
-        source: of the data, in our words; empty where it is none of ours.
-        protocol: of the runs, in our words; empty where it is none of ours.
+        scales: known properties of the scores.
+        source: name of the data's source here; empty where it is none of these.
+        protocol: name of the runs' protocol here; empty where it is none of these.
         environments: versions of the environments and their simulator.
     """
 
@@ -153,12 +153,12 @@ class TableOfCounts(PublishedTable[PrintedCount]):
 
 @dataclass(frozen=True)
 class StatedContradiction:
-    """Two places of a paper that say different things, as whoever transcribed it read them.
+    """Two contradicting statements of a paper, as transcribed.
 
     Attributes:
-        about: the subject, in a few words.
-        first: what one place says, and where.
-        second: what the other says, and where.
+        about: the subject.
+        first: one statement, and its place.
+        second: the other.
     """
 
     about: str

@@ -41,7 +41,7 @@ _Cell = TypeVar("_Cell", PrintedMean, PrintedCount)
 
 
 class _Line(NamedTuple):
-    """The fields of one line by column, and where it stands."""
+    """Fields of one line by column, and its place in the file."""
 
     where: str
     fields: Mapping[str, str]
@@ -72,7 +72,7 @@ class _Line(NamedTuple):
         if not usable(value):
             raise UserError(
                 f"{self.where}: {column} is '{shown(written)}', beyond ±{short_number(LARGEST_SCORE)}.",
-                "Leave out what exploded, or write the table in another unit.",
+                "Leave out diverged values, or write the table in another unit.",
             )
         return value, digit
 
@@ -95,7 +95,7 @@ class _Line(NamedTuple):
 
 
 def values_in(path: Path) -> tuple[str, str]:
-    """Which of the two headers a file has: `MEANS` or `COUNTS`.
+    """Header of a file: `MEANS` or `COUNTS`.
 
     Raises:
         UserError: neither, both, or the file cannot be read.
@@ -163,7 +163,7 @@ def _rows(path: Path, values: tuple[str, str], read: Callable[[_Line], _Cell]) -
 
 
 def _check_commas(path: Path, header: Sequence[str], records: Sequence[tuple[int, list[str]]]) -> None:
-    """Refuses commas in numbers that may group digits by thousands, and points in a file of decimal commas."""
+    """Refusal of commas that may group digits by thousands, and of points in a file of decimal commas."""
     places = [header.index(column) for column in MEANS]
     numbers = [(number, fields[place]) for number, fields in records for place in places if len(fields) == len(header)]
     commas = [(number, text) for number, text in numbers if "," in text]
@@ -184,7 +184,7 @@ def _check_commas(path: Path, header: Sequence[str], records: Sequence[tuple[int
 def _check_index(
     path: Path, number: int, columns: Sequence[str], rows: Mapping[tuple[str, ...], Mapping[str, object]]
 ) -> None:
-    """Refuses a column that numbers the lines: with it no two methods share a row, without it they do."""
+    """Refusal of a column that numbers the lines: with it no two methods share a row, without it they do."""
     if len(columns) < 2 or any(len(cells) > 1 for cells in rows.values()):
         return
     methods = {place: method for place, cells in rows.items() for method in cells}
@@ -239,7 +239,7 @@ _BLANKS = "[\N{NO-BREAK SPACE}\N{THIN SPACE}\N{NARROW NO-BREAK SPACE}]"
 
 
 def _separator(text: str) -> str:
-    """Comma, tab or semicolon, whichever finds the column of methods in the first line; a comma where none does."""
+    """Comma, tab or semicolon: the first that gives a column of methods; a comma where none does."""
     first = next((line for line in text.splitlines() if line.strip()), "")
     for separator in ",\t;":
         with suppress(csv.Error):

@@ -28,7 +28,7 @@ from lfobench.score import Statistic, tie
 from lfobench.text import content_hash
 
 CRITERION = Statistic("last")
-"""By what trials are compared. Each is evaluated once, when it is trained."""
+"""Score of a trial, which is evaluated once, when it is trained."""
 
 
 class _Model(BaseModel):
@@ -36,7 +36,7 @@ class _Model(BaseModel):
 
 
 class Trial(_Model):
-    """One combination of the grid's values, and what came of it."""
+    """One combination of the grid's values, and its scores."""
 
     values: dict[str, Any]
     scores: list[FiniteFloat] = Field(min_length=1, description="Per seed; 0 where it diverged.")
@@ -44,14 +44,14 @@ class Trial(_Model):
 
     @property
     def score(self) -> float:
-        """What it is compared by."""
+        """Mean over seeds, by which trials are compared."""
         return statistics.fmean(self.scores)
 
 
 class Choice(_Model):
-    """What a search chose for one method on one task, and from what."""
+    """Chosen values for one method on one task, and the trials behind them."""
 
-    conditions: dict[str, Any] = Field(description="What the choice holds for; see plan/tuning.py.")
+    conditions: dict[str, Any] = Field(description="Conditions of the choice; see lfobench/cells/tuning.py.")
     seeds: list[int] = Field(min_length=1, description="Of every trial.")
     starts: int = Field(ge=1, description="Validation starts of every trial.")
     trials: list[Trial] = Field(min_length=1, description="In declared order.")
@@ -65,9 +65,9 @@ class Choice(_Model):
 
 
 def best(trials: Sequence[Trial], untuned: Mapping[str, Any]) -> Trial:
-    """The trial of the highest score; of those that are level, that with the fewest diverged seeds.
+    """Trial with the highest score; of tied ones, that with the fewest diverged seeds.
 
-    Of those, the one that keeps the most of the `untuned` values, because a tie is no reason to leave them; then the
+    Of those, the one that keeps the most of the `untuned` values, because a tie is no reason to change them; then the
     first.
     """
 
@@ -86,7 +86,7 @@ def choose(search: Search, starts: int, records: Sequence[Sequence[Record]], ear
         search: the grid.
         starts: validation starts of every trial.
         records: per combination, in the order of `search.tried`, one per seed.
-        earlier: trials of searches that this one follows; whoever looked at them has paid for them too.
+        earlier: trials of preceding searches, which count as cost of the choice.
     """
     trials = [
         Trial(
@@ -125,7 +125,7 @@ class TuningFolder:
         return RecordFolder(self.root / TUNING)
 
     def path(self, search: Search) -> Path:
-        """The one place of a search's choice."""
+        """Path of a search's choice."""
         cell = search.cell
         name = f"{cell.method.name}-{cell.preset}-{search.hash[:12]}.json"
         return self.root / TUNING / safe_name(cell.task.name) / safe_name(name)
@@ -143,19 +143,19 @@ class TuningFolder:
         return [record for record in found if isinstance(record, Record) and search.tried_before(record.identity)]
 
     def write(self, search: Search, choice: Choice) -> Path:
-        """Store a choice atomically, in the place of an earlier one that holds for the same."""
+        """Store a choice atomically, in place of an earlier one for the same conditions."""
         path = self.path(search)
         content = choice.model_dump(mode="json")
         write_text(path, json.dumps({**content, SEAL: content_hash(content)}, indent=1, allow_nan=False) + "\n")
         return path
 
     def find(self, search: Search) -> Choice | None:
-        """The choice that holds for a search's conditions, if there is one and it is whole."""
+        """The intact choice for a search's conditions, if there is one."""
         choice = self._read(self.path(search))
         return choice if choice is not None and content_hash(choice.conditions) == search.hash else None
 
     def all_for(self, cell: Cell) -> list[tuple[Search, Choice]]:
-        """The choices that hold for a cell, whatever grids they were made from, which nobody declares any more."""
+        """Choices for a cell, made from any grid, also from one that is no longer declared."""
         folder = self.root / TUNING / safe_name(cell.task.name)
         found = []
         for path in sorted(folder.glob(f"{safe_name(cell.method.name)}-*.json")):
@@ -174,7 +174,7 @@ class TuningFolder:
         return found
 
     def problem(self, search: Search) -> str:
-        """Why `find` finds nothing, in a sentence; of other choices for the method and task, the nearest is told.
+        """Reason why `find` finds nothing, as a sentence; with the nearest other choice for the method and task.
 
         Raises:
             UserError: when the folder cannot be looked into.
@@ -210,7 +210,7 @@ class TuningFolder:
 
 
 def with_choices(plan: Plan, request: Request, folder: TuningFolder) -> Plan:
-    """The plan with the chosen values, where there is a grid; what ``--set`` says stays over them.
+    """The plan with the chosen values, where there is a grid; values of ``--set`` take precedence.
 
     Where neither ``--grid`` nor the task nor the method names a grid, the only choice that holds for a cell is taken.
 

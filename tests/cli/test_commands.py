@@ -320,7 +320,7 @@ def test_a_table_names_what_it_skips(synthetic: Path, lfobench_command: InProces
     outcome = lfobench_command("table", "--out", synthetic, "--format", "csv")
     assert outcome.code == 0
     assert outcome.out == before
-    for name, reason in (("stranger.failure", "does not tell of a failed run"), ("nan.json", "is not a record")):
+    for name, reason in (("stranger.failure", "no report of a failed run"), ("nan.json", "is not a record")):
         (warning,) = [line for line in outcome.err.splitlines() if name in line]
         assert warning.startswith("Warning: ")
         assert reason in warning

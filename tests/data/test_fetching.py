@@ -11,7 +11,7 @@ import pytest
 from helpers_files import make_episodes, write_minari
 
 from lfobench.data import library as fetching
-from lfobench.data.library import Library, Wanted, bring, wanted_files
+from lfobench.data.library import Library, Wanted, download, wanted_files
 from lfobench.errors import UserError
 from suites.locomotion import SUITE
 
@@ -45,7 +45,7 @@ def arrives(datasets: Path, columns: int) -> Callable[[str], None]:
 def test_what_arrives_is_noted_where_it_lies(tmp_path: Path, wanted: Wanted, monkeypatch: pytest.MonkeyPatch) -> None:
     install(monkeypatch, tmp_path, arrives(tmp_path, 11))
     library = Library(tmp_path / "cache")
-    note = bring(library, wanted, lambda here, total: None)
+    note = download(library, wanted, lambda here, total: None)
     assert (note.path, note.address) == (str(tmp_path / IDENTIFIER), f"minari:{IDENTIFIER}")
     assert library.find(wanted.file, "minari").sha256 == note.sha256
 
@@ -56,7 +56,7 @@ def test_a_dataset_of_another_environment_is_refused(
     install(monkeypatch, tmp_path, arrives(tmp_path, 17))
     library = Library(tmp_path / "cache")
     with pytest.raises(UserError, match="its observations have 17 columns, those of Hopper-v5 11"):
-        bring(library, wanted, lambda here, total: None)
+        download(library, wanted, lambda here, total: None)
     assert library.note("minari", wanted.file) is None
 
 
@@ -66,7 +66,7 @@ def test_whatever_stops_the_tool_is_told(tmp_path: Path, wanted: Wanted, monkeyp
 
     install(monkeypatch, tmp_path, fails)
     with pytest.raises(UserError, match=f"Minari cannot fetch {IDENTIFIER} .*Name or service not known.*--from DIR"):
-        bring(Library(tmp_path / "cache"), wanted, lambda here, total: None)
+        download(Library(tmp_path / "cache"), wanted, lambda here, total: None)
 
 
 def test_a_missing_package_says_how_it_is_installed(
@@ -74,7 +74,7 @@ def test_a_missing_package_says_how_it_is_installed(
 ) -> None:
     monkeypatch.setitem(sys.modules, "minari", None)
     with pytest.raises(UserError, match=r"pip install 'lfobench\[minari\]'"):
-        bring(Library(tmp_path / "cache"), wanted, lambda here, total: None)
+        download(Library(tmp_path / "cache"), wanted, lambda here, total: None)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def test_a_file_that_is_not_here_stays_as_it_is(library: Library) -> None:
 
 
 def test_a_file_that_is_adopted_stays_where_it_is(library: Library, outside: Path) -> None:
-    note = library.take_in("d4rl", FILE, outside)
+    note = library.register("d4rl", FILE, outside)
     found = library.find(FILE, "d4rl")
     assert (found.path, found.sha256) == (str(outside), note.sha256)
     library.forget("d4rl", FILE)
@@ -49,7 +49,7 @@ def test_a_download_is_found(library: Library, outside: Path) -> None:
 
 
 def test_another_content_under_the_same_name_is_refused(library: Library, outside: Path) -> None:
-    library.take_in("d4rl", FILE, outside)
+    library.register("d4rl", FILE, outside)
     write_d4rl(outside, make_episodes((3, 3), (True, True)))
     for use in (lambda: library.find(FILE, "d4rl"), lambda: library.verify("d4rl", FILE)):
         with pytest.raises(UserError, match="is not the there-v2 that was first used here: its SHA-256 was"):
@@ -58,7 +58,7 @@ def test_another_content_under_the_same_name_is_refused(library: Library, outsid
 
 def test_a_file_that_was_moved_away_is_not_passed_over(library: Library, outside: Path) -> None:
     assert library.verify("d4rl", FILE) is None, "never here"
-    library.take_in("d4rl", FILE, outside)
+    library.register("d4rl", FILE, outside)
     outside.rename(outside.with_name("elsewhere.hdf5"))
     with pytest.raises(UserError, match=f"there-v2 is no longer at {outside}"):
         library.verify("d4rl", FILE)
@@ -66,7 +66,7 @@ def test_a_file_that_was_moved_away_is_not_passed_over(library: Library, outside
 
 
 def test_a_file_that_was_only_touched_is_the_same(library: Library, outside: Path) -> None:
-    note = library.take_in("d4rl", FILE, outside)
+    note = library.register("d4rl", FILE, outside)
     os.utime(outside, (1, 1))
     assert library.find(FILE, "d4rl").sha256 == note.sha256
     touched = library.note("d4rl", FILE)
@@ -74,7 +74,7 @@ def test_a_file_that_was_only_touched_is_the_same(library: Library, outside: Pat
 
 
 def test_bytes_changed_behind_unchanged_times_are_found_by_verify(library: Library, outside: Path) -> None:
-    note = library.take_in("d4rl", FILE, outside)
+    note = library.register("d4rl", FILE, outside)
     content = bytearray(outside.read_bytes())
     content[-1] ^= 1
     outside.write_bytes(content)
@@ -89,7 +89,7 @@ def test_bytes_changed_behind_unchanged_times_are_found_by_verify(library: Libra
 
 @pytest.mark.parametrize("damage", ["", "{}", "[1]", '{"path": "/etc/passwd"}'])
 def test_a_damaged_note_is_no_licence_to_take_another_file(library: Library, outside: Path, damage: str) -> None:
-    library.take_in("d4rl", FILE, outside)
+    library.register("d4rl", FILE, outside)
     note = library.folder("d4rl") / f"{FILE.name}.json"
     note.write_text(damage)
     with pytest.raises(UserError, match="is damaged, so that nothing says which there-v2 was first used"):
@@ -101,7 +101,7 @@ def test_a_damaged_note_is_no_licence_to_take_another_file(library: Library, out
 def test_a_note_that_cannot_be_read_is_no_licence_either(library: Library, outside: Path) -> None:
     (library.folder("d4rl") / f"{FILE.name}.json").mkdir(parents=True)
     with pytest.raises(UserError, match=r"cannot be read .* so that nothing says which there-v2 was first used"):
-        library.take_in("d4rl", FILE, outside)
+        library.register("d4rl", FILE, outside)
 
 
 def test_a_file_that_is_written_to_has_no_hash(
@@ -117,7 +117,7 @@ def test_a_file_that_is_written_to_has_no_hash(
 
     monkeypatch.setattr(library_module, "sha256", while_written)
     with pytest.raises(UserError, match="is being written to"):
-        library.take_in("d4rl", FILE, outside)
+        library.register("d4rl", FILE, outside)
 
 
 def test_an_own_file_is_taken_as_it_is_now(library: Library, outside: Path) -> None:

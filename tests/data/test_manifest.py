@@ -21,7 +21,7 @@ def test_a_manifest_counts_what_the_readers_keep() -> None:
     assert counted.offline_rows == len(rows)
     assert counted.expert_rows_in_mix == len(rows) - len(q_learning_view(offline))
     assert counted.triples == len(triples)
-    assert counted.teleports == sum(row.second in starts for row in triples)
+    assert counted.cross_episode == sum(row.second in starts for row in triples)
     assert counted.demonstration_rows == len(dilo_triples(q_learning_view(expert))[:5]) - 1
     exact = exact_triples(offline, "absorbing") + exact_triples(expert.first_episodes(2), "absorbing")
     assert counted.exact_triples == len(exact)

@@ -73,9 +73,9 @@ def assert_all_text_inside(figure: Figure) -> None:
 
 @pytest.mark.parametrize("width", WIDTHS.values())
 def test_paths_show_demonstrations_and_every_episode_by_how_it_ended(width: float) -> None:
-    strokes = [episode("", 15, k).effector for k in range(5)]
+    paths_shown = [episode("", 15, k).effector for k in range(5)]
     methods = [rolled_out("dilo", ["success"] * 3 + ["cup hit"]), rolled_out("bc", ["stalled", "cup hit"])]
-    figure = paths([Demonstrated("hitting", "demonstrations", SCENE, strokes), *methods], TABLE, width)
+    figure = paths([Demonstrated("hitting", "demonstrations", SCENE, paths_shown), *methods], TABLE, width)
     shown = panels_of(figure)
     assert [axes.get_title(loc="left") for axes in shown] == ["demonstrations", "dilo: 3/4", "bc: 0/2"]
     (lines,) = shown[0].findobj(LineCollection)
@@ -117,8 +117,8 @@ def test_outcomes_are_told_apart_by_colour_and_in_grey_and_keep_their_looks() ->
 
 
 def test_demonstrations_too_many_to_see_are_cut_and_the_caption_says_so() -> None:
-    strokes = [episode("", 200, k).effector for k in range(60)]
-    figure = paths([Demonstrated("hitting", "demonstrations", SCENE, strokes)], TABLE)
+    paths_shown = [episode("", 200, k).effector for k in range(60)]
+    figure = paths([Demonstrated("hitting", "demonstrations", SCENE, paths_shown)], TABLE)
     (lines,) = panels_of(figure)[0].findobj(LineCollection)
     drawn = len(lines.get_segments())
     assert 0 < drawn < 60

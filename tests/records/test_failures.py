@@ -89,7 +89,7 @@ def test_files_that_tell_of_no_crash_are_named_and_skipped(folder: RecordFolder,
     failures, warnings = read_failures(folder, [])
     assert len(failures) == 1
     assert sorted(warning.what for warning in warnings) == sorted(
-        f"{whole.parent / name} does not tell of a failed run and was skipped." for name in strangers
+        f"{whole.parent / name} is no report of a failed run and was skipped." for name in strangers
     )
     assert all("Delete it" in warning.remedy for warning in warnings)
 

@@ -1,7 +1,7 @@
-"""Arrays of files from anywhere, read with suspicion: every one is of plain numbers.
+"""Arrays of plain numbers in untrusted files.
 
-Of an HDF5 file, nothing is followed out of it (external and virtual storage), no filter is loaded that HDF5 does not
-bring along, and no array is made that is out of proportion to the file.
+Nothing is followed out of an HDF5 file (external and virtual storage), no filter is loaded that HDF5 does not include,
+and no array is made that is out of proportion to the file.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from lfobench.data.readers.hdf5 import AGAIN, DAMAGE, OTHER, FileProblem, Remedy
 from lfobench.text import counted, shown
 
 MOST_INFLATION = 1_100
-"""Bytes out of one byte on disk; deflate gives at most 1032."""
+"""Unpacked bytes per byte on disk, at the most; deflate gives up to 1032."""
 BLOCK_BYTES = 8 * 2**20
-"""Read at once, or one row of chunks where that is more."""
+"""Bytes read at once, or one row of chunks where that is more."""
 MOST_CHUNK_BYTES = 2**29
 FILTERS = frozenset({"gzip", "lzf", "shuffle", "fletcher32", "scaleoffset"})
 _FILTER_NAMES = {
@@ -36,7 +36,7 @@ _FILTER_NAMES = {
 
 
 class PlainArray(Protocol):
-    """An array of plain numbers, checked, wherever it lies.
+    """An array of plain numbers, checked, in a file or in memory.
 
     Attributes:
         field: its path in the file.
@@ -76,17 +76,17 @@ class Held:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the array."""
+        """Shape of the array."""
         return self.values.shape
 
     @property
     def kind(self) -> str:
-        """Of its numbers."""
+        """Type of its numbers."""
         return self.values.dtype.name
 
     @property
     def block(self) -> int:
-        """All of its rows: they are there."""
+        """All of its rows, which are in memory."""
         return max(1, self.rows)
 
     @property
@@ -103,8 +103,8 @@ class Held:
 class Array:
     """An array in an HDF5 file, not yet read; as `PlainArray`.
 
-    It is open only while it is checked and while it is read: a file may have one for every field of every episode, and
-    what HDF5 holds of an open one is more than most of them have in them.
+    It is open only while it is checked and while it is read: a file may have one per field and episode, and an open one
+    takes more memory in HDF5 than most of them have data.
 
     Attributes:
         group: that it lies in.
@@ -166,7 +166,7 @@ def blocks(arrays: Sequence[PlainArray], further: int = 0) -> Iterator[tuple[int
 
 
 def in_proportion(parts: Sequence[Array]) -> None:
-    """Refuses arrays that are many more bytes together than their file: an array can have many names in it.
+    """Refusal of arrays that together have many more bytes than their file, where one array has many names.
 
     Raises:
         FileProblem: naming the first.
@@ -181,7 +181,7 @@ def in_proportion(parts: Sequence[Array]) -> None:
 
 
 def array(group: h5py.Group, name: str, dimensions: int, remedy: Remedy = another) -> Array:
-    """An array of plain numbers directly below a group; `remedy` is for one that is missing.
+    """Array of plain numbers directly below a group; `remedy` is that of a missing one.
 
     Raises:
         FileProblem: it is missing, or not what it should be; the field is named.
@@ -232,13 +232,13 @@ def _checked(found: h5py.Dataset, field: str, dimensions: int) -> tuple[tuple[in
 
 
 def check_plain(field: str, kind: np.dtype[Any], shape: tuple[int, ...], dimensions: int) -> None:
-    """Refuses what is no array of plain numbers with so many dimensions and at least one column.
+    """Refusal of anything but plain numbers with so many dimensions and at least one column.
 
     Raises:
         FileProblem: naming the field.
     """
     if kind.kind not in "biuf" or kind.itemsize > 8 or kind.names is not None:
-        raise FileProblem(f"field '{field}' holds {_spelled(kind)}, not plain numbers", OTHER)
+        raise FileProblem(f"field '{field}' holds {_described(kind)}, not plain numbers", OTHER)
     if len(shape) != dimensions:
         raise FileProblem(f"field '{field}' has {counted(len(shape), 'dimension')}; it should have {dimensions}", OTHER)
     if 0 in shape[1:]:
@@ -250,7 +250,7 @@ def _filters(plist: h5py.h5p.PropDCID) -> list[str]:
     return [_FILTER_NAMES.get(code, f"number {code}") for code in codes]
 
 
-def _spelled(kind: np.dtype[Any]) -> str:
+def _described(kind: np.dtype[Any]) -> str:
     if kind.kind in "SUOT" or h5py.check_string_dtype(kind) is not None:
         return "text or objects"
     return f"values of type {shown(str(kind))}"

@@ -3,7 +3,7 @@
 ``observations [N, obs]``, ``actions [N, act]``, ``terminals [N]``; ``rewards``, ``timeouts`` and ``next_observations``
 may be missing. Without ``timeouts``, an episode ends when its step counter reaches the horizon, as in D4RL's own
 reader. What is both terminated and timed out is timed out, again as there. That reader ignores
-``next_observations``; here they say in which observation an episode ends, and where one ends that no flag tells of.
+``next_observations``; here they give the observation that an episode ends in, and reveal ends without a flag.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ CONTINUES = 1e-6
 
 
 def lacking(root: h5py.File) -> list[str]:
-    """Which arrays are missing without which a file is not in D4RL's layout."""
+    """Essential arrays of D4RL's layout that the file lacks."""
     names = members(root)
     return [name for name in ESSENTIAL if name not in names]
 
@@ -68,14 +68,14 @@ def flat(
     ends: BoolArray | None = None,
     not_read: tuple[str, ...] = (),
 ) -> Reading:
-    """Flat arrays, wherever they lie, as episodes.
+    """Episodes from flat arrays, in a file or in memory.
 
     Args:
         fields: by their names in this layout; observations and actions are there, and terminals or `ends`.
-        layout: what the reading is called.
+        layout: name of the layout in the reading.
         horizon: as for `read`.
         ends: ``[N]``; True where an episode ends by the structure of its files, whatever flags say.
-        not_read: names of what else is there.
+        not_read: names of other members.
 
     Raises:
         FileProblem: naming the field.
@@ -88,14 +88,14 @@ def flat(
     if following is not None:
         same_columns(following, observations.shape[1], f"'{observations.field}'")
 
-    nowhere = np.zeros(observations.rows, np.bool_)
-    terminals = flags(fields["terminals"]) if "terminals" in fields else nowhere
+    never = np.zeros(observations.rows, np.bool_)
+    terminals = flags(fields["terminals"]) if "terminals" in fields else never
     timed = flags(fields["timeouts"]) if "timeouts" in fields else None
     breaks, goes_on, not_finite = _breaks(observations, following)
     timeouts = timed
     if timeouts is None:
-        timeouts = nowhere if ends is not None else _cut_at_horizon(terminals | breaks, horizon)
-    marked = terminals | timeouts | (nowhere if ends is None else ends)
+        timeouts = never if ends is not None else _cut_at_horizon(terminals | breaks, horizon)
+    marked = terminals | timeouts | (never if ends is None else ends)
     if not marked.any():
         raise _no_end(timed is not None, horizon)
     gaps = np.flatnonzero(breaks & ~marked)
@@ -122,7 +122,7 @@ def flat(
         timeouts=timed is not None,
         ends_known=following is not None,
         gaps=gaps,
-        misplaced=np.flatnonzero(nowhere if timed is None else timed & goes_on),
+        misplaced=np.flatnonzero(never if timed is None else timed & goes_on),
         not_finite=np.flatnonzero(not_finite & unmarked),
         endless=np.flatnonzero(endless),
         both_flags=int((terminals & timeouts).sum()),
@@ -157,13 +157,13 @@ def _no_end(flagged: bool, horizon: int | None) -> FileProblem:
 
 
 def _breaks(observations: PlainArray, following: PlainArray | None) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Where episodes break, where they go on, and where that cannot be told.
+    """Rows at which episodes break or continue, and rows whose next observation is not finite.
 
     Returns:
-        ``[N]``; True where the next observation is not that of the following row, as at the end of an episode. Values
-        that are not finite, in either, say nothing about it.
-        ``[N]``; True where it is, and all values are finite. The last row of a file goes nowhere.
-        ``[N]``; True where a next observation has a value that is not.
+        ``[N]``; True where the next observation differs from that of the following row, as at the end of an episode.
+        Values that are not finite, in either, are not compared.
+        ``[N]``; True where the two agree, and all values are finite. The last row of a file has no following row.
+        ``[N]``; True where a next observation has a value that is not finite.
     """
     breaks, goes_on, not_finite = np.zeros((3, observations.rows), np.bool_)
     if following is None:

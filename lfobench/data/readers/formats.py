@@ -1,4 +1,4 @@
-"""Which reader a file or folder is for, and which bytes it consists of."""
+"""Formats of data files: choice of the reader, and hash of the bytes behind a path."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _JSON = re.compile(rb'(\{\s*["}]|\[\s*[\[{"\]])')
 
 
 def is_archive(path: Path) -> bool:
-    """Whether a file begins as an NPZ archive does.
+    """True if a file begins as an NPZ archive does.
 
     Raises:
         OSError: it cannot be read.
@@ -28,10 +28,10 @@ def is_archive(path: Path) -> bool:
 
 
 def check_start(path: Path) -> None:
-    """Refuses what does not begin as an HDF5 file does.
+    """Refusal of a file that does not begin as an HDF5 file does.
 
     Raises:
-        FileProblem: saying what it is instead, where that can be told.
+        FileProblem: with the kind of file that it is, where that is known.
         OSError: it cannot be read.
     """
     with path.open("rb") as file:
@@ -39,7 +39,7 @@ def check_start(path: Path) -> None:
 
 
 def check_first_bytes(start: bytes) -> None:
-    """Refuses the first bytes of what is neither an HDF5 file nor an NPZ archive.
+    """Refusal of first bytes that belong neither to an HDF5 file nor to an NPZ archive.
 
     Raises:
         FileProblem: as `check_start` does.
@@ -55,9 +55,9 @@ def check_first_bytes(start: bytes) -> None:
             "Download it again, from another network or another mirror.",
         )
     if _JSON.match(text):
-        said = shown(text.decode(errors="replace"))
+        answer = shown(text.decode(errors="replace"))
         raise FileProblem(
-            f"it is JSON, not data; an answer of the host was saved instead: {said}",
+            f"it is JSON, not data; an answer of the host was saved instead: {answer}",
             "Download it again, or take it from another mirror.",
         )
     if text.startswith(b"version https://git-lfs"):
@@ -96,11 +96,11 @@ def data_files(path: Path) -> list[Path]:
 
 
 def stamp(path: Path) -> tuple[int, int, int]:
-    """Bytes and latest times of the files behind a path: what changes whenever one of them does.
+    """Size and latest times of the files behind a path, which change whenever one of them does.
 
     Raises:
         FileProblem: as `data_files` does.
-        OSError: a file cannot be looked at.
+        OSError: a file cannot be inspected.
     """
     found = [file.stat() for file in data_files(path)]
     return (
@@ -111,9 +111,9 @@ def stamp(path: Path) -> tuple[int, int, int]:
 
 
 def sha256(path: Path) -> str:
-    """SHA-256 (hex) of the file behind a path; of a folder's, of lines ``HASH  NAME`` in the order they are read in.
+    """SHA-256 (hex) of the file behind a path; for a folder, of lines ``HASH  NAME`` in reading order.
 
-    The one file of a Minari dataset is the same as its folder.
+    A Minari dataset's single file has the same hash as its folder.
 
     Raises:
         FileProblem: as `data_files` does.
@@ -131,15 +131,15 @@ def sha256(path: Path) -> str:
 
 
 def read(path: Path, horizon: int | None = None, keys: Keys = None) -> Reading:
-    """The episodes of a file or a folder, by whichever reader knows its layout.
+    """Episodes of a file or a folder, by the reader of its layout.
 
     Args:
         path: an HDF5 file, an NPZ archive, or a folder as `data_files` knows it.
-        horizon: steps after which an episode is cut, for files that do not say it themselves.
-        keys: what an observation is made of, where there is a choice; None takes those of the layout.
+        horizon: steps after which an episode is cut, for files without time-outs.
+        keys: parts of an observation, where there is a choice; None takes those of the layout.
 
     Raises:
-        FileProblem: what is wrong with it.
+        FileProblem: with the cause.
         OSError: it cannot be read.
     """
     files = data_files(path)

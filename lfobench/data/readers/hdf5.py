@@ -1,4 +1,4 @@
-"""HDF5 files from anywhere, opened with suspicion: no link, soft or external, is followed out of its place."""
+"""Untrusted HDF5 files: no soft or external link is followed."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import numpy as np
 from lfobench.text import shown
 
 METADATA_BYTES = 2**22
-"""Of the file's structure that HDF5 keeps at most, as stored; its own limit lets a file of many episodes take 10 times
-as much memory as its data."""
+"""Cache limit for the file's structure; with HDF5's own limit, a file of many episodes takes 10 times as much memory as
+its data."""
 MOST_LISTED = 12
 
 
 class FileProblem(Exception):
-    """Why a file cannot be used: what is wrong with it, or with which of its fields, and what to do.
+    """Problem that makes a file unusable, with cause and remedy.
 
     Attributes:
         cause: a clause that follows the file's name, e.g. ``field 'rewards' has 9 rows, …``.
@@ -32,17 +32,17 @@ class FileProblem(Exception):
 
 
 DAMAGE = (OSError, RuntimeError, ValueError, KeyError, TypeError, OverflowError, AttributeError, SystemError)
-"""What h5py raises over damaged bytes; a UnicodeError is a ValueError."""
+"""Errors of h5py over damaged bytes; a UnicodeError is a ValueError."""
 
 AGAIN = "Copy or download it again."
-OTHER = "Name another file, or mend this one."
+OTHER = "Name another file, or fix this one."
 
 Remedy = Callable[[Sequence[str]], str]
-"""What to do about a field that is missing, given the names that are there."""
+"""Remedy for a missing field, given the names that are there."""
 
 
 def another(there: Sequence[str]) -> str:
-    """The remedy where no other is known."""
+    """Default remedy."""
     return OTHER
 
 
@@ -51,7 +51,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
     """The file, open for reading.
 
     Raises:
-        FileProblem: HDF5 cannot make anything of it, or it is cut short.
+        FileProblem: HDF5 rejects it, or it is cut short.
     """
     try:
         # Every chunk is read once, in whole blocks, so there is none to keep.
@@ -80,10 +80,10 @@ def members(group: h5py.Group) -> list[str]:
 
 
 def subgroup(group: h5py.Group, name: str, remedy: Remedy = another) -> h5py.Group:
-    """A group directly below another; `remedy` is for one that is missing.
+    """Group directly below another; `remedy` is that of a missing one.
 
     Raises:
-        FileProblem: it is missing, a link out of its place, or no group.
+        FileProblem: it is missing, a link, or no group.
     """
     found = member(group, name, remedy)
     if not isinstance(found, h5py.Group):
@@ -92,18 +92,18 @@ def subgroup(group: h5py.Group, name: str, remedy: Remedy = another) -> h5py.Gro
 
 
 def enumerated(names: Sequence[str]) -> str:
-    """The first of names from a file, harmless."""
+    """The first names of a list, escaped."""
     first = [shown(name) for name in names[:MOST_LISTED]]
     return ", ".join([*first, *(["…"] if len(names) > MOST_LISTED else [])]) or "nothing"
 
 
 def missing(field: str, there: Sequence[str], remedy: Remedy = another) -> FileProblem:
-    """A field that is not there, with what is, wherever it lacks."""
+    """Problem of a missing field, with the names that are there."""
     return FileProblem(f"field '{shown(field, 100)}' is missing (there: {enumerated(there)})", remedy(there))
 
 
 def has(group: h5py.Group, name: str) -> bool:
-    """Whether anything in a group has that name, which is looked up faster than the group is listed.
+    """True if a group has a member of that name; faster than listing the group.
 
     Raises:
         FileProblem: when the group is damaged.
@@ -115,27 +115,27 @@ def has(group: h5py.Group, name: str) -> bool:
 
 
 def is_group(group: h5py.Group, name: str) -> bool:
-    """Whether there is a group of that name.
+    """True if the member of that name is a group.
 
     Raises:
-        FileProblem: nothing has that name, or a link out of its place.
+        FileProblem: there is no such member, or it is a link.
     """
     return isinstance(member(group, name), h5py.Group)
 
 
 def member(group: h5py.Group, name: str, remedy: Remedy = another) -> object:
-    """An object that lies in the group itself; its name is looked up as one link before it is opened.
+    """Member of a group, which must be a hard link.
 
     Args:
-        group: that it lies in.
+        group: its parent.
         name: in the group.
-        remedy: where there is none.
+        remedy: for a missing member.
 
     Raises:
-        FileProblem: nothing has that name, or a link out of its place, or it is damaged.
+        FileProblem: there is no such member, it is a link, or it is damaged.
     """
     try:
-        # What get_info raises over a name that is not there differs between versions and formats of groups.
+        # The error of get_info for a missing name differs between versions and formats of groups.
         if not group.id.links.exists(name.encode()):
             raise missing(path_of(group, name), members(group), remedy)
         if group.id.links.get_info(name.encode()).type != h5py.h5l.TYPE_HARD:
@@ -164,8 +164,8 @@ def numbered(group: h5py.Group, pattern: re.Pattern[str]) -> list[str]:
     return [found[number] for number in sorted(found)]
 
 
-def count_said(group: h5py.Group, name: str) -> int | None:
-    """A count that a group's attribute gives; None where there is none, or what there is is no whole number."""
+def declared_count(group: h5py.Group, name: str) -> int | None:
+    """Count in a group's attribute; None where there is none, or it is not a whole number."""
     try:
         if not h5py.h5a.exists(group.id, name.encode()):
             return None
@@ -180,7 +180,7 @@ def count_said(group: h5py.Group, name: str) -> int | None:
 
 
 def path_of(group: h5py.Group, name: str) -> str:
-    """Where a member of a group lies in the file."""
+    """Path of a group's member in the file."""
     return f"{(group.name or '').strip('/')}/{name}".strip("/")
 
 

@@ -1,9 +1,9 @@
 """LeRobot's datasets, version 3: tables of frames in Parquet below ``data/``, described in ``meta/info.json``.
 
 A frame has ``observation.state``, ``action``, ``episode_index``, ``frame_index``, and perhaps ``next.reward`` and
-``next.done``. Other features of an observation are read where the user chooses them, but no video or image. Nobody
-wrote down which observation the last action of an episode leads to, nor why an episode ended: ``next.done`` marks its
-last frame. Parquet is read by pyarrow, which the extra ``lerobot`` installs.
+``next.done``. Other features of an observation are read where the user chooses them, but no video or image. The
+observation after an episode's last action is not recorded, nor why the episode ended: ``next.done`` marks its last
+frame. Parquet is read by pyarrow, which the extra ``lerobot`` installs.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from lfobench.text import counted, shown
 
 INFO = Path("meta") / "info.json"
 MOST_INFO = 2**22
-"""Bytes."""
+"""Bytes of the description, at the most."""
 TABLES = "data/*/*.parquet"
 OBSERVATION, STATE, ACTION, REWARD, DONE = "observation.", "observation.state", "action", "next.reward", "next.done"
 EPISODE, FRAME = "episode_index", "frame_index"
 BATCH = 2**20
-"""Numbers that are unpacked at once, or one row where that has more."""
+"""Numbers unpacked at once, or one row where that has more."""
 
 
 def is_lerobot(folder: Path) -> bool:
-    """Whether a folder is such a dataset."""
+    """True if a folder is such a dataset."""
     return (folder / INFO).is_file()
 
 
 def files_of(folder: Path) -> list[Path]:
-    """What of a dataset is read: its description, and its tables in the order of LeRobot's own reader.
+    """Files of a dataset that are read: its description, and its tables in the order of LeRobot's own reader.
 
     Raises:
         FileProblem: there is no table.
@@ -126,7 +126,7 @@ def _information(folder: Path) -> dict[str, Any]:
 
 
 def _left_out(info: dict[str, Any], there: Sequence[str], chosen: Sequence[str]) -> dict[str, int]:
-    """Features of an observation that are not read, and how many columns; 0 of what is no vector."""
+    """Features of an observation that are not read, with their numbers of columns; 0 for one that is no vector."""
     features = info.get("features")
     described = features if isinstance(features, dict) else {}
     found = {}
@@ -174,7 +174,7 @@ class _Table:
         import pyarrow.parquet as parquet
 
         self._name = str(path.relative_to(folder))
-        with _damage_named(self._name), parquet.ParquetFile(path) as file:
+        with _damage_as_problem(self._name), parquet.ParquetFile(path) as file:
             self.there = list(file.schema_arrow.names)
             for name in (*keys, ACTION, EPISODE, FRAME):
                 if name not in self.there:
@@ -210,7 +210,7 @@ class _Table:
 
 
 def _numbers(file: Any, wanted: Sequence[str]) -> int:
-    """Numbers that a file declares in its columns: by their type, and by what was written of them."""
+    """Numbers in the columns of a file: the greater of the counts by type and by stored values."""
     rows = file.metadata.num_rows
     kinds = [file.schema_arrow.field(name).type for name in wanted]
     typed = sum(rows * getattr(kind, "list_size", 1) for kind in kinds)
@@ -230,7 +230,7 @@ def _is_list(kind: Any) -> bool:
 
 
 def _check_kind(kind: Any, field: str) -> None:
-    """Refuses a column of something else than numbers or lists of them, before any of it is read."""
+    """Refusal of a column that holds neither numbers nor lists of them, before any of it is read."""
     from pyarrow import types
 
     plain = kind.value_type if _is_list(kind) else kind
@@ -269,7 +269,7 @@ def _end_to_end(parts: Iterable[NDArray[Any]]) -> NDArray[Any]:
 
 
 @contextmanager
-def _damage_named(name: str) -> Iterator[None]:
+def _damage_as_problem(name: str) -> Iterator[None]:
     import pyarrow
 
     try:

@@ -21,7 +21,7 @@ from lfobench.data.readers.arrays import Array, array
 from lfobench.data.readers.hdf5 import (
     OTHER,
     FileProblem,
-    count_said,
+    declared_count,
     has,
     is_group,
     members,
@@ -50,11 +50,11 @@ FIELDS = ("observations", "actions", "rewards", "terminations", "truncations")
 IN_DICTIONARY = ("observation",)
 METADATA = "metadata.json"
 MOST_METADATA = 2**22
-"""Bytes."""
+"""Bytes of the metadata, at the most."""
 
 
 def is_minari(root: h5py.File) -> bool:
-    """Whether the file has a group per episode."""
+    """True if the file has a group per episode."""
     return any(EPISODE.fullmatch(name) for name in members(root))
 
 
@@ -114,22 +114,22 @@ def read(root: h5py.File, keys: Keys = None) -> Reading:
 
 
 def _declared(root: h5py.File, name: str) -> int | None:
-    """A count that a dataset gives of itself, in its file or in the metadata beside it."""
-    if (count := count_said(root, name)) is not None:
+    """Count that a dataset declares, in its file or in the metadata next to it."""
+    if (count := declared_count(root, name)) is not None:
         return count
-    beside = Path(root.filename).with_name(METADATA)
+    path = Path(root.filename).with_name(METADATA)
     with suppress(OSError, ValueError, RecursionError):
-        if beside.is_file():
-            with beside.open("rb") as metadata:
-                said = json.loads(metadata.read(MOST_METADATA))
-            if isinstance(said, dict) and type(said.get(name)) is int:
-                return int(said[name])
+        if path.is_file():
+            with path.open("rb") as file:
+                metadata = json.loads(file.read(MOST_METADATA))
+            if isinstance(metadata, dict) and type(metadata.get(name)) is int:
+                return int(metadata[name])
     return None
 
 
 @dataclass(frozen=True, slots=True)
 class _Episode:
-    """An episode that was checked: its arrays, and how it ended."""
+    """A checked episode: its arrays, and how it ended."""
 
     actions: Array
     rewards: Array | None
@@ -153,7 +153,7 @@ def _checked(group: h5py.Group, observations: list[Array], rewarded: bool) -> _E
 
 
 def _observations(groups: list[h5py.Group], keys: tuple[str, ...]) -> list[list[Array]]:
-    """Of every episode, one array, or one of every key."""
+    """Arrays of observations per episode: one, or one per key."""
     if keys:
         return arrays_of([subgroup(group, "observations") for group in groups], keys)
     return arrays_of(groups, ("observations",))

@@ -1,6 +1,6 @@
-"""NPZ archives of NumPy: D4RL's flat arrays in one, or an episode in each of a folder's.
+"""NPZ archives of NumPy: D4RL's flat arrays in one archive, or a folder with an archive per episode.
 
-The names are D4RL's, or what other tools call the same (`NAMES`). An archive with one more observation than actions is
+The names are D4RL's, or those of other tools (`NAMES`). An archive with one more observation than actions is
 one episode. In a folder, whose archives are read by the numbers in their names, the last row of each ends an episode,
 flagged or not. Nothing is unpickled, and nothing is unpacked that is out of proportion to its archive.
 """
@@ -38,7 +38,7 @@ NAMES = {
 }
 FLAGS = ("terminals", "timeouts")
 MOST_HEADER = 4096
-"""Bytes of an array's description; that of a plain one has 128."""
+"""Bytes of an array's header, at the most; that of a plain array has 128."""
 METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 DAMAGE = (
     OSError,
@@ -54,7 +54,7 @@ DAMAGE = (
     TypeError,
     SyntaxError,
 )
-"""What ``zipfile`` and NumPy raise over damaged bytes."""
+"""Errors of ``zipfile`` and NumPy over damaged bytes."""
 
 
 def archives(folder: Path) -> list[Path]:
@@ -88,7 +88,7 @@ def read(files: Sequence[Path], horizon: int | None = None, in_folder: bool = Fa
         not_read += others
         for name in ("observations", "actions"):
             if name not in fields:
-                raise missing(_spelled(file, name, in_folder), [*(each.field for each in fields.values()), *others])
+                raise missing(_field_name(file, name, in_folder), [*(each.field for each in fields.values()), *others])
         if one := fields["observations"].rows == fields["actions"].rows + 1:
             fields = _stepwise(fields)
         elif not in_folder and "terminals" not in fields:
@@ -102,7 +102,7 @@ def read(files: Sequence[Path], horizon: int | None = None, in_folder: bool = Fa
 
 
 def _joined(parts: list[dict[str, Held]], horizon: int | None, ends_known: bool, not_read: tuple[str, ...]) -> Reading:
-    """Episodes of archives that were checked each by itself."""
+    """Episodes of archives, each of which is checked already."""
     ends = np.concatenate([np.arange(each["actions"].rows) == each["actions"].rows - 1 for each in parts])
     joined = {}
     rewardless = 0
@@ -117,7 +117,7 @@ def _joined(parts: list[dict[str, Held]], horizon: int | None, ends_known: bool,
                 continue
             if name not in FLAGS:
                 raise FileProblem(
-                    f"'{have[0][name].field}' is there, and no {name} beside '{lacks['actions'].field}'", OTHER
+                    f"'{have[0][name].field}' is there, and no {name} next to '{lacks['actions'].field}'", OTHER
                 )
         first = have[0][name]
         for each in have:
@@ -132,23 +132,23 @@ def _joined(parts: list[dict[str, Held]], horizon: int | None, ends_known: bool,
 
 def _stepwise(fields: dict[str, Held]) -> dict[str, Held]:
     """An episode of T + 1 observations as T rows, each with the observation that it leads to."""
-    seen = fields["observations"]
+    observations = fields["observations"]
     if "next_observations" in fields:
         raise FileProblem(
-            f"field '{seen.field}' has one row more than '{fields['actions'].field}', so that "
+            f"field '{observations.field}' has one row more than '{fields['actions'].field}', so that "
             f"'{fields['next_observations'].field}' has none to add",
             OTHER,
         )
     return {
         **fields,
-        "observations": Held(seen.field, seen.values[:-1]),
-        "next_observations": Held(seen.field, seen.values[1:]),
+        "observations": Held(observations.field, observations.values[:-1]),
+        "next_observations": Held(observations.field, observations.values[1:]),
     }
 
 
 def _fields(file: Path, prefix: str) -> tuple[dict[str, Held], list[str]]:
-    """The arrays of an archive by D4RL's names, and the names of what else it has."""
-    with _damage_named(prefix), zipfile.ZipFile(file) as archive:
+    """Arrays of an archive by D4RL's names, and the names of its other members."""
+    with _damage_as_problem(prefix), zipfile.ZipFile(file) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
         size = file.stat().st_size
         wanted = {}
@@ -196,12 +196,12 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, field: str, dimens
     return values.astype(values.dtype.newbyteorder("="), copy=False)
 
 
-def _spelled(file: Path, name: str, in_folder: bool) -> str:
+def _field_name(file: Path, name: str, in_folder: bool) -> str:
     return f"{file.name}/{name}" if in_folder else name
 
 
 @contextmanager
-def _damage_named(prefix: str) -> Iterator[None]:
+def _damage_as_problem(prefix: str) -> Iterator[None]:
     try:
         yield
     except DAMAGE as error:

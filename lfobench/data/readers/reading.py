@@ -1,4 +1,4 @@
-"""What a reader makes of a file: episodes, and what it had to decide about them."""
+"""Result of reading a file: its episodes, and the decisions that were made about them."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def _no_rows() -> IntArray:
 
 @dataclass(frozen=True)
 class Reading:
-    """A file's episodes and what is not in them.
+    """A file's episodes, and facts about the file that they do not hold.
 
     Attributes:
         episodes: of the file, in its order. Where the file does not say which observation an episode ends in, that
             one is NaN. Rewards are NaN where the file has none.
         format: ``d4rl``, ``minari``, ``robomimic``, ``npz`` or ``lerobot``.
-        keys: what an observation is made of, where the file leaves a choice, and how many columns each has.
-        left_out: what else the file has of an observation, and how many columns; 0 of what is no list of vectors.
+        keys: keys that make up an observation, where the file leaves a choice, and the number of columns of each.
+        left_out: other keys of an observation, and their columns; 0 for one that is not a list of vectors.
         chosen: whether the user chose the keys.
-        not_read: what else the file has.
+        not_read: names of other members of the file.
         rewards: whether the file has any.
         rewardless: episodes without rewards in a file that has some; none is read then.
         timeouts: whether the file says which episodes time ended.
@@ -114,13 +114,13 @@ def end_to_end(parts: list[Array]) -> FloatArray:
 
 
 def as_float32(values: NDArray[Any]) -> FloatArray:
-    """Values as float32; one beyond its range becomes infinite, which `checks` tells of."""
+    """Values as float32; one beyond its range becomes infinite, which `check` refuses."""
     with np.errstate(over="ignore"):
         return values.astype(np.float32, copy=False)
 
 
 def same_rows(arrays: Iterable[PlainArray], rows: int, measure: str) -> None:
-    """Refuses arrays of different length.
+    """Refusal of arrays of different length.
 
     Raises:
         FileProblem: naming the first array that has another number of rows than `measure`.
@@ -132,7 +132,7 @@ def same_rows(arrays: Iterable[PlainArray], rows: int, measure: str) -> None:
 
 
 def same_columns(found: PlainArray, columns: int, measure: str) -> None:
-    """Refuses an array of other columns than `measure` has.
+    """Refusal of an array with another number of columns than `measure`.
 
     Raises:
         FileProblem: naming both.
@@ -143,7 +143,7 @@ def same_columns(found: PlainArray, columns: int, measure: str) -> None:
 
 
 def row_numbers(lengths: NDArray[np.int64]) -> IntArray:
-    """Where the observations of rows laid end to end lie among those of episodes, which have one more each ``[N]``."""
+    """Indices ``[N]`` of rows' observations among those of episodes, each of which has one observation more."""
     return np.arange(int(lengths.sum())) + np.repeat(np.arange(len(lengths)), lengths)
 
 
@@ -152,23 +152,23 @@ Keys = tuple[str, ...] | None
 
 
 def choose(there: Sequence[str]) -> str:
-    """The remedy where a key is missing: keys are the user's choice among what is there."""
+    """Remedy for a missing key: the keys that the user can choose from."""
     example = "+".join(shown(name) for name in there[:2]) or "A+B"
     return f"Choose what an observation is made of: keys={example} in --source, --keys {example} of the doctor."
 
 
 def no_choice(layout: str) -> FileProblem:
-    """Keys were chosen of a file that leaves no choice."""
+    """Problem of chosen keys for a file that leaves no choice."""
     return FileProblem(
         f"keys were chosen, and its observations are one array, as {layout} has them", "Leave out the keys."
     )
 
 
 def arrays_of(dictionaries: Sequence[h5py.Group], keys: Sequence[str]) -> list[list[Array]]:
-    """Of every dictionary, the array of every key, each as wide as in the first.
+    """Arrays per dictionary and key, each as wide as in the first dictionary.
 
     Raises:
-        FileProblem: naming the field, and for a key that is missing, what is there.
+        FileProblem: naming the field, and for a missing key, those that are there.
     """
     found = []
     for dictionary in dictionaries:
@@ -186,13 +186,13 @@ def arrays_of(dictionaries: Sequence[h5py.Group], keys: Sequence[str]) -> list[l
 
 
 def left_out(dictionary: h5py.Group, keys: Sequence[str]) -> dict[str, int]:
-    """What else a dictionary has, and how many columns; 0 of what is no list of vectors."""
+    """Other members of a dictionary, with their columns; 0 for one that is not a list of vectors."""
     widths = {}
     for name in members(dictionary):
         if name in keys or any(key.startswith(f"{name}/") for key in keys):
             continue
         shape: tuple[int, ...] = ()
-        with suppress(FileProblem, *DAMAGE):  # it is left out, whatever it is
+        with suppress(FileProblem, *DAMAGE):  # left out in any case
             found = member(dictionary, name)
             shape = (found.shape or ()) if isinstance(found, h5py.Dataset) else ()
         widths[name] = int(shape[1]) if len(shape) == 2 else 0
@@ -227,9 +227,9 @@ def side_by_side(parts: Sequence[Sequence[Array]]) -> FloatArray:
 
 
 def not_finite(reading: Reading) -> dict[str, IntArray]:
-    """Rows ``[B]`` of every field that have a value that is no finite number.
+    """Rows ``[B]`` per field with a value that is not a finite number.
 
-    Those that mark a last observation as unknown are none, where the file does not say in which an episode ends.
+    Unknown last observations do not count, where the file does not hold them.
     """
     episodes = reading.episodes
     ends = np.zeros(len(episodes.observations), np.bool_)
@@ -248,7 +248,7 @@ def not_finite(reading: Reading) -> dict[str, IntArray]:
 
 
 def check(reading: Reading) -> None:
-    """Refuses a file with values that are not finite.
+    """Refusal of a file with values that are not finite.
 
     Raises:
         FileProblem: naming the field and the first such row.

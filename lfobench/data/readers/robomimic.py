@@ -18,7 +18,7 @@ from lfobench.data.readers.arrays import Array, array, in_proportion
 from lfobench.data.readers.hdf5 import (
     OTHER,
     FileProblem,
-    count_said,
+    declared_count,
     has,
     is_group,
     members,
@@ -46,7 +46,7 @@ LOW_DIMENSIONAL = ("robot0_eef_pos", "robot0_eef_quat", "robot0_gripper_qpos", "
 
 
 def is_robomimic(root: h5py.File) -> bool:
-    """Whether the file has demonstrations."""
+    """True if the file has demonstrations."""
     return (
         "data" in members(root)
         and is_group(root, "data")
@@ -99,12 +99,12 @@ def read(root: h5py.File, keys: Keys = None) -> Reading:
         rewardless=len(groups) - rewarded if rewarded else 0,
         timeouts=False,
         kinds=differing_kinds({**by_key(both, chosen), "actions": actions}),
-        declared_steps=count_said(data, "total"),
+        declared_steps=declared_count(data, "total"),
     )
 
 
 def _made(there: Sequence[str]) -> str:
-    """The remedy where observations are missing."""
+    """Remedy for missing observations."""
     return (
         "robomimic's own script writes obs and next_obs from recorded states: dataset_states_to_obs.py, without "
         "--exclude-next-obs."

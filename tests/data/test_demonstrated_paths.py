@@ -1,4 +1,4 @@
-"""Strokes: the demonstration as lines, whole trajectories or the transitions that a recipe samples."""
+"""Demonstrated paths: the demonstration as lines, whole trajectories or the transitions that a recipe samples."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import scene_suite
 from scene_suite import SUITE
 
 from lfobench.contract.suite import Recipe
-from lfobench.data.source import TaskData, demonstrated_strokes
+from lfobench.data.source import TaskData, demonstrated_paths
 
 
-def strokes(transitions: int | None, standardize: bool = False) -> tuple[TaskData, list[np.ndarray]]:
+def demonstrated(transitions: int | None, standardize: bool = False) -> tuple[TaskData, list[np.ndarray]]:
     recipe = Recipe.recorded("random", 2, "expert", 3, expert_transitions=transitions, standardize=standardize)
     task = replace(SUITE.tasks[0], recipe=recipe)
     offline, expert = (
@@ -22,13 +22,13 @@ def strokes(transitions: int | None, standardize: bool = False) -> tuple[TaskDat
         for seed, (level, count) in enumerate((("random", 2), ("expert", 3)))
     )
     data = TaskData(task, recipe, offline, expert, {})
-    return data, demonstrated_strokes(data, slice(0, 2))
+    return data, demonstrated_paths(data, slice(0, 2))
 
 
 @pytest.mark.parametrize("standardize", [False, True])
 def test_a_trajectory_is_one_line_through_all_its_observations(standardize: bool) -> None:
-    """In the simulator's units, whatever methods are shown."""
-    data, found = strokes(None, standardize)
+    """In the simulator's units, also where methods see standardised observations."""
+    data, found = demonstrated(None, standardize)
     expert = data.expert
     assert len(found) == 3
     for line, first, length in zip(found, expert.first_observation, expert.lengths, strict=True):
@@ -36,7 +36,7 @@ def test_a_trajectory_is_one_line_through_all_its_observations(standardize: bool
 
 
 def test_sampled_transitions_are_lines_between_neighbours() -> None:
-    data, found = strokes(12)
+    data, found = demonstrated(12)
     expert = data.expert
     assert sum(len(line) - 1 for line in found) == 12
     followers = {
