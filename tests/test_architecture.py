@@ -22,7 +22,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "files": {"errors"},
     "tensor_files": {"errors", "files"},
     "randomness": set(),
-    "contract": {"errors", "text", "randomness"},
+    "contract": {"errors", "randomness"},
     "nn": {"contract", "randomness"},
     "python_files": {"errors"},
     "source_code": {"shipped", "contract", "errors", "python_files", "text"},

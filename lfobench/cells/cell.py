@@ -10,6 +10,7 @@ from typing import Any, Literal, cast, get_args
 
 from pydantic import ValidationError
 
+from lfobench.cells.recipes import capped, recipe_identity
 from lfobench.contract.method import DataNeeds, Method, MethodConfig, PresetName
 from lfobench.contract.suite import Recipe, Task
 from lfobench.errors import UserError, unknown_name
@@ -70,7 +71,7 @@ class Protocol:
 
     def recipe_for(self, task: Task) -> Recipe:
         """The task's recipe under this protocol's caps."""
-        return task.recipe.capped(self.offline_transitions, self.expert_trajectories)
+        return capped(task.recipe, self.offline_transitions, self.expert_trajectories)
 
     def identity(self, task: Task) -> dict[str, Any]:
         """The fields that enter a run's identity."""
@@ -238,7 +239,7 @@ class Cell:
             "environment": {**asdict(environment), "arguments": dict(environment.arguments)},
             # Only where it is not [-1, 1], which older identities do not say.
             **({} if (box := environment.spaces.actions).is_unit else {"action_box": box.identity}),
-            "recipe": self.recipe.identity,
+            "recipe": recipe_identity(self.recipe),
             **({"expert_joins": False} if self._without_expert else {}),
             "source": self.source,
             "data": dict(self.data),
@@ -263,7 +264,7 @@ class Cell:
 
     @property
     def _decided_by_the_recipe(self) -> tuple[str, ...]:
-        """Fields that play no part: where boundaries are exact, nothing teleports, whatever a method would have."""
+        """Fields without effect: exact boundaries have no cross-episode transitions, whatever a method declares."""
         return ("termination",) if self.task.recipe.exact else ()
 
     @property

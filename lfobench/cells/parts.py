@@ -216,7 +216,7 @@ def specification(suite: Suite, task: Task, level: Level, episodes: int | None =
 
 
 def build_command(suite: str, protocol: str, task: str, source: str = "generated") -> str:
-    """What a user types to make the data of a suite's task (the suite by name or path), under a protocol."""
+    """Command that makes the data of a suite's task (the suite by name or path), under a protocol."""
     words = ["lfobench", "data", "build", suite, "--protocol", protocol, "--tasks", task]
     return shlex.join(words if source == "generated" else [*words, "--source", source])
 
@@ -224,8 +224,8 @@ def build_command(suite: str, protocol: str, task: str, source: str = "generated
 def requests(suite: Suite, task: Task, recipe: Recipe) -> tuple[PartRequest, PartRequest]:
     """The offline and the expert part that a recipe reads.
 
-    The released walk counts a trajectory every H of its rows, but a timed-out episode has only H - 1 of them: K
-    counts take up to K H / (H - 1) episodes, and one more for the triples at the seam.
+    D4RL's loader counts a trajectory every H of its rows, but a timed-out episode has only H - 1 of them: K counts take
+    up to K H / (H - 1) episodes, and one more for the triples at the seam.
     """
     read, horizon = task.read_from, task.environment.horizon
     offline, expert = (None, None) if read is None else (read.offline, read.expert)

@@ -99,14 +99,15 @@ def _suite_row(name: str) -> dict[str, Any]:
 
 
 def _tasks(suite: str) -> list[dict[str, Any]]:
+    from lfobench.cells.recipes import described_parts
     from lfobench.registry import load_suite
 
     return [
         {
             "name": task.name,
             "environment": task.environment.id.rpartition(":")[2],
-            "offline": task.recipe.words[0],
-            "expert": task.recipe.words[1],
+            "offline": described_parts(task.recipe)[0],
+            "expert": described_parts(task.recipe)[1],
             "paper steps": f"{task.paper_steps:,}",
         }
         for task in load_suite(suite).tasks
@@ -222,6 +223,7 @@ def _takes(field: FieldInfo) -> str:
 def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: bool) -> None:
     from rich.markup import escape
 
+    from lfobench.cells.recipes import described, recipe_identity
     from lfobench.cells.sources import absent_files, download_command
     from lfobench.cli import planned
     from lfobench.data.manifest import manifest
@@ -233,7 +235,7 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
     complete = all(row["shards_present"] == row["shards"] for row in requested.rows())
     counted = manifest(requested.load(task)) if complete else None
     if as_json:
-        print_json({"task": planned.plain(task), "recipe": recipe.identity, "manifest": planned.plain(counted)})
+        print_json({"task": planned.plain(task), "recipe": recipe_identity(recipe), "manifest": planned.plain(counted)})
         return
     environment = task.environment
     arguments = "".join(f", {field} {_spelling(value)}" for field, value in environment.arguments.items())
@@ -241,7 +243,7 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
     output.print(f"[bold]{task.name}[/]: {environment.id}{escape(arguments)}, {steps}", soft_wrap=True)
     output.print(f"score 0 = return {environment.random_return:g}, score 100 = return {environment.expert_return:g}")
     output.print(
-        f"recipe ({protocol.name}): {recipe.sentence}; {protocol.for_task(task).steps_for(task):,} steps",
+        f"recipe ({protocol.name}): {described(recipe)}; {protocol.for_task(task).steps_for(task):,} steps",
         soft_wrap=True,
     )
     for method, grid in task.grids.items():

@@ -1,9 +1,9 @@
-"""What a suite declares: environments, data recipes and tasks. Plain data, no files, no printing."""
+"""Contract of a suite: environments, data recipes and tasks. Plain data, no files, no printing."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from lfobench.contract.environment import Environment
 from lfobench.contract.episodes import Episodes, FloatArray
-from lfobench.text import counted
 
 __all__ = [
     "Budget",
@@ -30,31 +29,31 @@ __all__ = [
 ]
 
 Level = str
-"""How well a part of the data was made, in the suite's own words: ``random``, ``medium``, ``expert``, …"""
+"""Quality of a part of the data, as the suite calls it: ``random``, ``medium``, ``expert``, …"""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What makes the offline data, and what of the expert is observed.
+    """Composition of the offline data and of the demonstrations.
 
     Attributes:
-        offline: level of who made the poor part of the offline data.
+        offline: level of the suboptimal part of the offline data.
         offline_transitions: raw transitions of that part; None where it is counted in trajectories.
-        expert: level of who made the expert part.
-        expert_trajectories: K, the first trajectories of the expert part, which join the offline data with their
-            actions; all that there are, if those are fewer.
-        demonstration_rows: where given, under ``released`` boundaries the first so many rows of the expert part are
-            observed, wherever its trajectories end, as by the published readers, and under ``exact`` ones its first
-            trajectory. Where trajectories have another length than this, methods see different demonstrations.
-        demonstrations: otherwise, how many trajectories are observed, the first ones and the same by every method.
-        offline_trajectories: of the poor part, in the place of its transitions.
-        expert_transitions: where given, only so many (s, s', s'') of the demonstrations are observed, drawn uniformly
-            and in random order.
-        expert_actions: whether demonstrations have actions at all; a tracked hand has none.
-        equal_transitions: cut the poor part to as many transitions as the demonstrations have.
+        expert: level of the expert part.
+        expert_trajectories: K, the number of first trajectories of the expert part that join the offline data, with
+            their actions; all, if there are fewer.
+        demonstration_rows: where given, the demonstration is this number of first rows of the expert part under
+            ``released`` boundaries, wherever its trajectories end, as in the published readers, and its first
+            trajectory under ``exact`` ones. Trajectories of another length give methods different demonstrations.
+        demonstrations: otherwise, the number of first trajectories that every method observes.
+        offline_trajectories: trajectories of the suboptimal part, in place of its transitions.
+        expert_transitions: where given, the number of (s, s', s'') of the demonstrations that are observed, drawn
+            uniformly and in random order.
+        expert_actions: whether demonstrations have actions; those of a tracked hand have none.
+        equal_transitions: cut the suboptimal part to as many transitions as the demonstrations have.
         standardize: shift and scale observations by the offline data's mean and standard deviation for every method,
-            whatever it declares: in metres, a step is a hundredth of what networks are used to.
-        exact: whether every boundary is exact, whatever a method declares: the quirks of the published readers belong
+            whatever it declares: in metres, a step is a hundredth of the scale that networks are initialised for.
+        exact: use exact boundaries for every method, whatever it declares: the quirks of the published readers belong
             to other data.
     """
 
@@ -75,13 +74,13 @@ class Recipe:
     def recorded(
         cls, offline: Level, offline_trajectories: int, expert: Level, demonstrations: int, **others: Any
     ) -> Recipe:
-        """Recorded trajectories, of which the expert's are observed and join nothing.
+        """Recipe of recorded trajectories; the expert's are observed and do not join the offline data.
 
         Args:
-            offline: level of who recorded the offline data.
-            offline_trajectories: recorded for it.
-            expert: level of who recorded the demonstrations.
-            demonstrations: recorded; all of them are observed.
+            offline: level of the offline data.
+            offline_trajectories: its number of trajectories.
+            expert: level of the demonstrations.
+            demonstrations: their number; all of them are observed.
             others: further fields of a recipe.
         """
         return cls(
@@ -114,77 +113,9 @@ class Recipe:
         """Trajectories that are observed, where no rows are counted."""
         return 1 if self.demonstration_rows is not None else self.demonstrations
 
-    @property
-    def identity(self) -> dict[str, Any]:
-        """As plain JSON data, by which records are found: what it once was for a recipe, it must stay.
-
-        A recipe that counts its offline part in trajectories has always called its demonstrations
-        `expert_trajectories`, and has spelled more of its fields; any other field is there where it is not as usual.
-        """
-        usual = {each.name: each.default for each in fields(self) if each.default is not MISSING}
-        spelled = {"offline", "expert", "expert_trajectories"}
-        values = dict(vars(self))
-        if self.offline_trajectories is None:
-            counted_in = "demonstrations" if self.demonstration_rows is None else "demonstration_rows"
-            spelled |= {"offline_transitions", counted_in}
-        else:
-            usual |= {"offline_transitions": None, "expert_trajectories_joined": 0, "exact": True}
-            values["expert_trajectories_joined"] = self.expert_trajectories
-            values["expert_trajectories"] = values.pop("demonstrations")
-            spelled |= {"offline_trajectories", "expert_transitions", "expert_actions"}
-            spelled |= {"equal_transitions", "standardize"}
-        return {name: value for name, value in values.items() if name in spelled or value != usual[name]}
-
-    def capped(self, transitions: int | None, trajectories: int | None) -> Recipe:
-        """The recipe with at most so many transitions and so many expert trajectories that join them; None is no cap.
-
-        What is counted in trajectories to begin with is little, and stays as it is.
-        """
-        if self.offline_transitions is None:
-            return self
-        return replace(
-            self,
-            offline_transitions=min(self.offline_transitions, transitions or self.offline_transitions),
-            expert_trajectories=min(self.expert_trajectories, trajectories or self.expert_trajectories),
-        )
-
-    def most_rows(self, horizon: int) -> tuple[int, int]:
-        """Offline and expert rows to train on, if every trajectory runs to the horizon."""
-        observed = self.observed * horizon
-        offline = self.offline_transitions or (self.offline_trajectories or 0) * horizon
-        if self.equal_transitions:
-            offline = observed
-        return (
-            offline + self.expert_trajectories * horizon,
-            self.demonstration_rows or self.expert_transitions or observed,
-        )
-
-    @property
-    def words(self) -> tuple[str, str]:
-        """The offline part, and what is taken of the expert."""
-        many = f"{self.expert} trajectories"
-        offline = (
-            f"{self.offline_trajectories} {self.offline} trajectories"
-            if self.offline_transitions is None
-            else f"{self.offline_transitions:,} {self.offline} transitions"
-        )
-        joined = counted(self.expert_trajectories, f"{self.expert} trajectory", many)
-        if self.demonstration_rows is not None:
-            return offline, joined
-        sample = "" if self.expert_transitions is None else f"{self.expert_transitions} transitions of "
-        if not self.expert_trajectories:
-            return offline, sample + counted(self.demonstrations, f"{self.expert} trajectory", many)
-        return offline, f"{joined}, {sample}{self.demonstrations} observed"
-
-    @property
-    def sentence(self) -> str:
-        """Both parts in words, and what is cut."""
-        cut = ", the former cut to as many transitions as the latter" if self.equal_transitions else ""
-        return f"{' + '.join(self.words)}{cut}"
-
 
 GENERATED = "generated"
-"""The source that is made by the suite; any other one is read from files."""
+"""Name of the source that the suite generates; any other one is read from files."""
 
 
 @dataclass(frozen=True)
@@ -192,14 +123,14 @@ class DataFile:
     """A file, or the folder of a dataset.
 
     Attributes:
-        name: what its source calls it, e.g. ``hopper-random-v2``.
-        addresses: where it is to be had, the first that answers.
-        path: where it lies; None of a published one that is not here.
-        sha256: of its bytes, where it is here.
-        columns: how many of an observation's columns are read, from the first on; None reads all. D4RL's ant has 84
-            that are zero throughout.
-        keys: what an observation is made of, in this order, where the file has a dictionary of them; None takes those
-            that are usual in its layout.
+        name: its name in the source, e.g. ``hopper-random-v2``.
+        addresses: of downloads, in the order in which they are tried.
+        path: of the file; None for a published one that is not on this machine.
+        sha256: of its bytes, where it is on this machine.
+        columns: number of first columns of an observation that are read; None reads all. D4RL's ant has 84 columns of
+            zeros.
+        keys: names of the arrays that make up an observation, in this order, where the file has a dictionary of them;
+            None takes the usual ones of its layout.
     """
 
     name: str
@@ -219,10 +150,10 @@ class DataFile:
 
 
 def check_keys(keys: object) -> None:
-    """Refuse what are no keys of an observation.
+    """Refuse keys that are not a tuple of distinct names.
 
     Raises:
-        ValueError: saying what they should be.
+        ValueError: with the expected form.
     """
     if not isinstance(keys, tuple) or not all(isinstance(key, str) and key and key.isprintable() for key in keys):
         raise ValueError(f"keys are {keys!a}; they should be a tuple of names")
@@ -231,32 +162,32 @@ def check_keys(keys: object) -> None:
 
 
 def own_file(path: str | Path, keys: tuple[str, ...] | None = None) -> DataFile:
-    """A user's file, called by its own name; ``~`` is the home folder, and `keys` are as `DataFile` has them.
+    """A user's file, named after its path; ``~`` is the home folder, and `keys` are those of `DataFile`.
 
     Raises:
-        ValueError: the path is relative, and would be another file in another working folder; or it cannot
-            be written into a record.
+        ValueError: the path is relative, and would mean another file in another working folder; or it has characters
+            that cannot be written into a record.
     """
     place = Path(path).expanduser()
     if not str(place).isprintable():
         raise ValueError(f"{str(place)!a} cannot be written down; name a link to it that can")
     if not place.is_absolute():
-        raise ValueError(f"{path} is relative; write Path(__file__).parent / {str(path)!r} for one beside the suite")
+        raise ValueError(f"{path} is relative; write Path(__file__).parent / {str(path)!r} for one next to the suite")
     return DataFile(place.stem or str(place), path=str(place), keys=keys)
 
 
 @dataclass(frozen=True)
 class Files:
-    """What a task is read from instead of being generated.
+    """Files of a task's data, in place of generated parts.
 
     Attributes:
-        offline: the poor part; None generates it.
-        expert: the expert part; None generates it.
-        environment: where policies are evaluated that learn from it; None keeps the task's.
-        recipe: how it is mixed; None keeps the task's.
-        group: the block of rows, where the task's own is named by the stand-ins of these data; None keeps the task's.
-        returns: whether the rewards in the files add up to what the environment returns; D4RL's kitchen rewards every
-            step after a completion. No method sees them; where they do not, no score of the data is told.
+        offline: file of the suboptimal part; None generates it.
+        expert: file of the expert part; None generates it.
+        environment: for policies trained on these files; None keeps the task's.
+        recipe: of these files; None keeps the task's.
+        group: block of rows, where the task's own group is named after generated levels; None keeps the task's.
+        returns: whether the rewards in the files sum to the environment's returns; D4RL's kitchen rewards every step
+            after a completion. If not, the data has no score. No method sees rewards.
     """
 
     offline: DataFile | None = None
@@ -277,11 +208,11 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class Disc:
-    """A round thing that stays where it is.
+    """A fixed disc in a scene.
 
     Attributes:
-        name: the field's word for it, e.g. ``cup``.
-        role: to be avoided, or to be reached.
+        name: e.g. ``cup``.
+        role: obstacle to avoid, or goal to reach.
         center: (x, y) in metres.
         radius: metres.
     """
@@ -294,19 +225,19 @@ class Disc:
 
 @dataclass(frozen=True)
 class Scene:
-    """A table seen from above; every length in metres.
+    """Top view of a table; lengths in metres.
 
-    An environment with a scene reports where things truly are in every step's ``info``: ``effector`` ``[2]`` and, where
-    there is one, ``puck`` ``[2]``.
+    An environment with a scene reports true positions in every step's ``info``: ``effector`` ``[2]`` and, where there
+    is one, ``puck`` ``[2]``.
 
     Attributes:
-        x: the table's extent along its length; the table slopes down towards `downhill`.
-        y: its extent across.
+        x: extent along the table, which slopes down towards `downhill`.
+        y: extent across it.
         downhill: -1 or 1, the sign of x towards which a free puck accelerates.
-        workspace: (x, y) extents that the end-effector may reach.
-        discs: what stands on it.
+        workspace: (x, y) extents of the end-effector's positions.
+        discs: objects on the table.
         stride: metres along x and y that an action of 1 commands.
-        effector_radius: of what the end-effector carries.
+        effector_radius: of the tool at the end-effector.
         puck_radius: None where there is no puck.
         observation_at: observations ``[n, obs]`` of the end-effector at rest at positions ``[n, 2]``, for a field of
             actions; None where an observation holds more than that position.
@@ -324,11 +255,11 @@ class Scene:
 
 
 class Demonstrator(Protocol):
-    """A policy that makes a part of the generated data."""
+    """A policy that generates a part of the data."""
 
     @property
     def fingerprint(self) -> str:
-        """A hash of everything that decides the actions; two equal fingerprints act alike."""
+        """Hash of everything that decides the actions; equal fingerprints act alike."""
         ...
 
     def act(self, observation: FloatArray, generator: np.random.Generator) -> FloatArray:
@@ -338,31 +269,31 @@ class Demonstrator(Protocol):
 
 @runtime_checkable
 class ScriptedDemonstrator(Protocol):
-    """A demonstrator that records whole episodes, with starts, a pace and mistakes of its own."""
+    """A demonstrator that records whole episodes, with its own starts, pace and mistakes."""
 
     @property
     def fingerprint(self) -> str:
-        """A hash of everything that decides the episodes; two equal fingerprints record alike."""
+        """Hash of everything that decides the episodes; equal fingerprints record alike."""
         ...
 
     def record(self, episodes: int, generator: np.random.Generator) -> Episodes:
-        """Recordings of `episodes` episodes, in the environment's units.
+        """Recorded episodes, `episodes` of them, in the environment's units.
 
-        Where nothing was commanded (a hand-held object), their actions are NaN.
+        Their actions are NaN where nothing was commanded (a hand-held object).
         """
         ...
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What a protocol means for a task whose size it was not made for.
+    """Training and evaluation budget of a task under one protocol, for tasks of unusual size.
 
     Attributes:
         steps: gradient steps of a method's last stage.
         evaluation_every: steps between evaluations.
         evaluation_episodes: the fixed test starts.
-        further_episodes: more starts, from which the trained policy alone is run once.
-        methods: the protocol whose settings of the methods are taken; None takes this protocol's own.
+        further_episodes: further starts, for one final evaluation of the trained policy.
+        methods: protocol whose settings of the methods apply; None takes this protocol's own.
     """
 
     steps: int
@@ -387,17 +318,17 @@ class Task:
 
     Attributes:
         name: e.g. ``hopper-random-expert``.
-        group: the block of rows it belongs to in a table, e.g. ``random+expert``.
-        environment: where policies are evaluated.
-        recipe: what they are trained on.
-        paper_steps: gradient steps that the seed paper gives this task.
-        budgets: protocol name to what it means here; a protocol that is not named means what it always does.
-        settings: fields of methods that this task's kind of data asks for, over any preset or protocol.
+        group: block of rows in a table, e.g. ``random+expert``.
+        environment: for the evaluation of policies.
+        recipe: of the training data.
+        paper_steps: gradient steps under the protocol ``paper``.
+        budgets: protocol name to its budget for this task; protocols that are not named keep their own.
+        settings: fields of methods for this task's data, which override presets and protocols.
         without_expert: methods whose authors' code mixes no expert trajectory into this task's offline data.
         grids: per method, the values of fields among which ``lfobench tune`` chooses.
-        files: source name to the files that it reads, e.g. ``d4rl``.
-        read_from: the files that are read, once a source is chosen; None generates the data.
-        simulator: packages beside gymnasium and mujoco whose versions decide how its environment moves.
+        files: source name, e.g. ``d4rl``, to its files.
+        read_from: files of the chosen source; None generates the data.
+        simulator: packages, besides gymnasium and mujoco, whose versions decide the dynamics.
     """
 
     name: str
@@ -423,13 +354,13 @@ class Suite:
     """A named list of tasks and the demonstrators that make their generated data.
 
     Attributes:
-        name: what ``--suite`` takes.
+        name: argument of ``--suite``.
         summary: one line for ``lfobench ls suites``.
         tasks: in table order.
-        demonstrator: environment name and level to the policy, or the scripted demonstrator, that makes the data; None
-            where nothing of it can be generated.
+        demonstrator: environment name and level to the policy or scripted demonstrator that generates the data; None
+            where no data can be generated.
         generation_seeds: environment name to the seed of its generated data; 0 where not named.
-        scene: environment name to what a top view of it shows; None where there is nothing to be seen from above.
+        scene: environment name to its top view; None where there is none.
     """
 
     name: str

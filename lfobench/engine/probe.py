@@ -21,6 +21,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten
 
 from lfobench.cells.cell import Cell
+from lfobench.cells.recipes import most_rows
 from lfobench.contract.method import DataNeeds, Field, Method, Shapes, Sizes, Stage
 from lfobench.contract.suite import Environment, FloatArray, ScriptedDemonstrator
 from lfobench.data.firewall import Table, View
@@ -129,7 +130,7 @@ class Prober:
         steps = protocol.steps_for(cell.task)
         training = sum(
             seconds[stage.name] * (steps if stage.steps is None else stage.steps)
-            for stage in method.stages(Sizes(*cell.recipe.most_rows(environment.horizon)))
+            for stage in method.stages(Sizes(*most_rows(cell.recipe, environment.horizon)))
         )
         episodes = -(-steps // protocol.evaluation_every) * protocol.evaluation_episodes + protocol.further_episodes
         return Estimate(training, episodes * environment.horizon * seeds * self._simulator_step(environment))
@@ -150,7 +151,7 @@ class Prober:
     def footprint(self, cell: Cell) -> Footprint:
         """Bytes of the cell's data and of one seed's training, from their shapes and one step on a CPU."""
         shapes, needs = _shapes(cell.task.environment), cell.needs
-        rows = Sizes(*cell.recipe.most_rows(cell.task.environment.horizon))
+        rows = Sizes(*most_rows(cell.recipe, cell.task.environment.horizon))
         fields = len(needs.offline) + len(needs.expert)
         data = (rows.offline + rows.expert) * 4 * (shapes.observation + 1 + shapes.action + fields)
         key = (cell.method.name, cell.config.model_dump_json(), shapes)

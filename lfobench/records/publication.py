@@ -63,7 +63,7 @@ class PublishedRow(Generic[PrintedCell]):
     """One row.
 
     Attributes:
-        place: its environment and dataset by column of the file, e.g. ``{"env": "hopper", "dataset": "random-expert"}``.
+        place: by the file's columns, e.g. ``{"env": "hopper", "dataset": "random-expert"}``.
         cells: by method, in file order.
     """
 

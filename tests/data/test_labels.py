@@ -114,7 +114,7 @@ def test_every_row_has_the_label_of_its_own_step(boundary: Any, termination: Any
 
 
 def test_whole_episodes_are_handed_over_and_a_part_of_one_is_cut(tmp_path: Path) -> None:
-    """The released walk counts to nine rows of the expert's: those of two trajectories, and one of the third."""
+    """The D4RL loader's count takes nine expert rows: those of two trajectories, and one of the third."""
     labels(Labelling, tmp_path)
     ((offline, _),) = Labelling.seen
     mixed_in = sorted(len(each) - 1 for each in offline.split() if each[0, 0] >= 1000)
