@@ -207,9 +207,9 @@ def host(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     server.server_close()
 
 
-def look(path: Path) -> None:
+def inspect(path: Path) -> None:
     if path.read_bytes() != CONTENT:
-        raise DataFileRefused(f"{path} is not what it should be.")
+        raise DataFileRefused(f"{path} is other content.")
 
 
 def begins(start: bytes) -> str:
@@ -217,7 +217,7 @@ def begins(start: bytes) -> str:
 
 
 def get(target: Path, *addresses: str) -> Fetched:
-    return fetch("the file", addresses, target, begins, look, lambda here, total: None)
+    return fetch("the file", addresses, target, begins, inspect, lambda here, total: None)
 
 
 def left(folder: Path) -> set[str]:
@@ -240,32 +240,32 @@ def test_a_broken_download_continues_where_it_broke(tmp_path: Path, host: str) -
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"),
+    ("kind", "named"),
     [
-        ("always-short", r"file: the connection broke off\)"),
-        ("longer", r"longer/file is not what it should be"),
-        ("stalls", r"file: the host does not answer\)"),
+        ("always-short", r"file: .*broke off\)"),
+        ("longer", r"longer/file is other content"),
+        ("stalls", r"file: .*not answer\)"),
         ("circles", "in circles"),
-        ("page", r"\(http\S*/page/file is not what it should be\)"),
-        ("badly-compressed", r"file: what the host sends cannot be decoded\)"),
+        ("page", r"\(http\S*/page/file is other content\)"),
+        ("badly-compressed", r"file: .*decoded\)"),
         ("odd-words", r"file: 503 \\x1b\[2Ja{32}…\)"),
-        ("to-a-file", r"file: it leads to an address that is neither http nor https\)"),
-        ("to-nowhere", r"file: it is no address, or leads to none\)"),
+        ("to-a-file", r"file: .*neither http nor https\)"),
+        ("to-nowhere", r"file: .*address.*\)"),
         ("403", "403 Forbidden"),
         ("404", "404 Not Found"),
         ("500", "500 Internal"),
     ],
 )
 def test_what_does_not_arrive_takes_no_name(
-    tmp_path: Path, host: str, kind: str, said: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, host: str, kind: str, named: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if kind == "stalls":
         monkeypatch.setattr(download, "SILENT_SECONDS", 0.3)
-    with pytest.raises(UserError, match=said) as caught:
+    with pytest.raises(UserError, match=named) as caught:
         get(tmp_path / "file", f"{host}/{kind}/file")
-    assert "the file could not be fetched" in caught.value.problem
-    for way_out in ("LFOBENCH_MIRROR", str(tmp_path / "file"), "--source generated"):
-        assert way_out in caught.value.remedy
+    assert caught.value.problem.startswith("the file ")
+    for remedy in ("LFOBENCH_MIRROR", str(tmp_path / "file"), "--source generated"):
+        assert remedy in caught.value.remedy
     assert ".part" not in caught.value.problem
     assert "file" not in left(tmp_path)
 
@@ -324,7 +324,7 @@ def test_what_stands_in_the_way_of_looking_costs_no_byte(tmp_path: Path, host: s
     def cannot(_: Path) -> None:
         raise UserError("The simulator is not installed.", "Install it.")
 
-    with pytest.raises(UserError, match="The simulator is not installed"):
+    with pytest.raises(UserError, match="The simulator"):
         fetch("the file", [f"{host}/whole/file"], tmp_path / "file", begins, cannot, lambda here, total: None)
     assert (tmp_path / "file.part").read_bytes() == CONTENT
 
@@ -355,7 +355,7 @@ def test_what_was_fetched_is_deleted_but_not_under_another_process(tmp_path: Pat
     interrupted(tmp_path, 40_000, "http://elsewhere/file")
     with (
         locked(Path(f"{target}.lock"), "LFOBENCH_CACHE"),
-        pytest.raises(UserError, match="Another process is fetching"),
+        pytest.raises(UserError, match=rf"Another process .*{target}"),
     ):
         discard(target)
     assert (tmp_path / "file.part").exists()
@@ -375,14 +375,14 @@ def test_the_first_bytes_are_looked_at_before_the_rest_comes(tmp_path: Path, hos
 
 def test_no_more_comes_than_the_stated_maximum(tmp_path: Path, host: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(download, "MOST_BYTES", 1_000_000)
-    with pytest.raises(UserError, match=r"it goes on, and at most 0\.001 GB are fetched"):
+    with pytest.raises(UserError, match=r"0\.001 GB"):
         get(tmp_path / "file", f"{host}/endless/file")
-    assert Host.over.wait(PATIENCE), "the host is told"
+    assert Host.over.wait(PATIENCE), "the connection is closed"
     assert left(tmp_path) == set()
 
 
 def test_a_declared_size_beyond_the_maximum_is_refused_at_once(tmp_path: Path, host: str) -> None:
-    with pytest.raises(UserError, match=r"it has 30\.0 GB, and at most 20 GB are fetched"):
+    with pytest.raises(UserError, match=r"30\.0 GB.* 20 GB"):
         get(tmp_path / "file", f"{host}/huge/file")
     assert len(Host.asked) == 1
     assert left(tmp_path) == set()
@@ -429,29 +429,29 @@ def test_https_that_leads_to_http_is_not_followed(tmp_path: Path, monkeypatch: p
 
 
 def test_without_a_network(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"\(http://127.0.0.1:9/file: the host refuses the connection\)"):
+    with pytest.raises(UserError, match=r"\(http://127.0.0.1:9/file: .*refuses.*\)"):
         get(tmp_path / "file", "http://127.0.0.1:9/file")
 
 
 @pytest.mark.parametrize("address", ["file:///etc/passwd", "ftp://host/file", "http://[::1/file"])
 def test_only_http_is_fetched(tmp_path: Path, address: str) -> None:
-    with pytest.raises(UserError, match=r"only http and https|it is no address"):
+    with pytest.raises(UserError, match=r"http and https|no address"):
         get(tmp_path / "file", address)
 
 
 @pytest.mark.parametrize(
-    ("code", "said"),
+    ("code", "named"),
     [
-        (errno.ENOSPC, "No space left on device. Free space, or choose another folder with LFOBENCH_CACHE"),
-        (errno.EACCES, "Permission denied. Make the folder writable, or choose another folder with LFOBENCH_CACHE"),
-        (errno.EIO, "Input/output error. Fix the folder, or choose another folder with LFOBENCH_CACHE"),
+        (errno.ENOSPC, "No space left on device.*Free space"),
+        (errno.EACCES, "Permission denied.*writable"),
+        (errno.EIO, "Input/output error"),
     ],
 )
-def test_a_disk_that_refuses(tmp_path: Path, host: str, monkeypatch: pytest.MonkeyPatch, code: int, said: str) -> None:
+def test_a_disk_that_refuses(tmp_path: Path, host: str, monkeypatch: pytest.MonkeyPatch, code: int, named: str) -> None:
     def refuse(_: int) -> None:
         raise OSError(code, os.strerror(code))
 
     monkeypatch.setattr(download.os, "fsync", refuse)
-    with pytest.raises(UserError, match=rf"Cannot write .*file: {said}"):
+    with pytest.raises(UserError, match=rf"{tmp_path}/file: {named}.*LFOBENCH_CACHE"):
         get(tmp_path / "file", f"{host}/whole/file")
     assert "file" not in left(tmp_path)

@@ -55,17 +55,17 @@ def test_a_dataset_of_another_environment_is_refused(
 ) -> None:
     install(monkeypatch, tmp_path, arrives(tmp_path, 17))
     library = Library(tmp_path / "cache")
-    with pytest.raises(UserError, match="its observations have 17 columns, those of Hopper-v5 11"):
+    with pytest.raises(UserError, match=r"observations.* 17 .*Hopper-v5 11"):
         download(library, wanted, lambda here, total: None)
     assert library.note("minari", wanted.file) is None
 
 
-def test_whatever_stops_the_tool_is_told(tmp_path: Path, wanted: Wanted, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_of_the_tool_is_reported(tmp_path: Path, wanted: Wanted, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(identifier: str) -> None:
         raise ConnectionError("Name or service not known")
 
     install(monkeypatch, tmp_path, fails)
-    with pytest.raises(UserError, match=f"Minari cannot fetch {IDENTIFIER} .*Name or service not known.*--from DIR"):
+    with pytest.raises(UserError, match=rf"{IDENTIFIER} .*Name or service not known.*--from DIR"):
         download(Library(tmp_path / "cache"), wanted, lambda here, total: None)
 
 
@@ -82,10 +82,10 @@ def test_a_missing_package_says_how_it_is_installed(
     [
         (b"\x89HDF\r\n\x1a\n\0", ""),
         (b"PK\x03\x04\x14", ""),
-        (b"\n <!DOCTYPE html><title>Log in", "a web page"),
+        (b"\n <!DOCTYPE html><title>Log in", "web page"),
         (b'{"error": "quota"}', "JSON"),
-        (b"version https://git-lfs.github.com/spec/v1", "Git LFS pointer"),
-        (bytes(512), "neither an HDF5 file"),
+        (b"version https://git-lfs.github.com/spec/v1", "Git LFS"),
+        (bytes(512), "HDF5"),
     ],
 )
 def test_first_bytes_that_are_no_data_are_named(start: bytes, said: str) -> None:

@@ -50,8 +50,8 @@ def test_the_name_of_a_file_is_not_what_it_is() -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"<html>Log in</html>", "cannot be used: it is a web page"),
-        (None, "cannot be used: No such file or directory"),
+        (b"<html>Log in</html>", "web page"),
+        (None, "No such file or directory"),
     ],
 )
 def test_a_bad_file_leaves_nothing(tmp_path: Path, content: bytes | None, said: str) -> None:
@@ -64,7 +64,7 @@ def test_a_bad_file_leaves_nothing(tmp_path: Path, content: bytes | None, said: 
     assert not (tmp_path / "cache").exists()
 
 
-def test_a_reader_that_dies_is_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reader_that_dies_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = subprocess.run
 
     def dying(command: list[str], **options: object) -> object:
@@ -72,13 +72,13 @@ def test_a_reader_that_dies_is_told_of(tmp_path: Path, monkeypatch: pytest.Monke
         return real([command[0], "-c", kill], **options)  # type: ignore[call-overload]
 
     monkeypatch.setattr(isolated.subprocess, "run", dying)
-    with pytest.raises(UserError, match=r"file\.hdf5 cannot be used: reading it ended with SIGSEGV\."):
+    with pytest.raises(UserError, match=r"file\.hdf5 .*SIGSEGV"):
         import_file(tmp_path / "cache", tmp_path / "file.hdf5", PART)
 
 
 def test_a_reader_that_takes_for_ever_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(isolated, "SECONDS", 0.01)
-    with pytest.raises(UserError, match="takes longer than 0 minutes"):
+    with pytest.raises(UserError, match="0 minutes"):
         import_file(tmp_path / "cache", write_d4rl(tmp_path / "file.hdf5", make_episodes()), PART)
 
 
@@ -103,18 +103,18 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path, request: pytest.FixtureReque
     path = write_d4rl(tmp_path / "file.hdf5", make_episodes([100] * 10, [False] * 10))
     part = part_of(path)
     request.getfixturevalue("small_files_only")
-    with pytest.raises(UserError, match=r"Cannot write .*00000\.safetensors: .*\. Free space"):
+    with pytest.raises(UserError, match=r"00000\.safetensors: .*Free space"):
         import_file(tmp_path / "cache", path, part)
     assert not [found for found in (tmp_path / "cache").rglob("*") if found.is_file()]
 
 
 def test_a_file_that_changed_since_it_was_planned_for_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="it changed since this command began"):
+    with pytest.raises(UserError, match=r"file\.hdf5 .*changed.*Run the command again"):
         import_file(tmp_path / "cache", write_d4rl(tmp_path / "file.hdf5", make_episodes()), PART)
     assert not (tmp_path / "cache").exists()
 
 
-def test_no_module_beside_a_file_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_module_next_to_a_file_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_d4rl(tmp_path / "file.hdf5", make_episodes())
     for module in ("h5py", "resource", "numpy"):
         (tmp_path / f"{module}.py").write_text("import pathlib; pathlib.Path('ran').touch()")
@@ -125,7 +125,7 @@ def test_no_module_beside_a_file_is_run(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(UserError, match="neither a file nor a folder"):
+    with pytest.raises(UserError, match=r"pipe .*neither a file nor a folder"):
         examine_file(tmp_path / "pipe", 9)
 
 
@@ -139,5 +139,5 @@ def test_a_file_is_examined_without_the_cache(tmp_path: Path) -> None:
     found = examine_file(write_d4rl(tmp_path / "file.hdf5", make_episodes()), 9)
     assert (found.format, found.lengths, found.terminated) == ("d4rl", (7, 4, 9), 1)
     assert [finding.code for finding in found.findings] == ["early-timeouts"]
-    with pytest.raises(UserError, match=r"none\.hdf5 cannot be used: No such file"):
+    with pytest.raises(UserError, match=r"none\.hdf5 .*No such file"):
         examine_file(tmp_path / "none.hdf5", None)

@@ -52,7 +52,7 @@ def test_another_content_under_the_same_name_is_refused(library: Library, outsid
     library.register("d4rl", FILE, outside)
     write_d4rl(outside, make_episodes((3, 3), (True, True)))
     for use in (lambda: library.find(FILE, "d4rl"), lambda: library.verify("d4rl", FILE)):
-        with pytest.raises(UserError, match="is not the there-v2 that was first used here: its SHA-256 was"):
+        with pytest.raises(UserError, match=r"there-v2 .*SHA-256"):
             use()
 
 
@@ -60,7 +60,7 @@ def test_a_file_that_was_moved_away_is_not_passed_over(library: Library, outside
     assert library.verify("d4rl", FILE) is None, "never here"
     library.register("d4rl", FILE, outside)
     outside.rename(outside.with_name("elsewhere.hdf5"))
-    with pytest.raises(UserError, match=f"there-v2 is no longer at {outside}"):
+    with pytest.raises(UserError, match=rf"there-v2 .*{outside}.*lfobench data download"):
         library.verify("d4rl", FILE)
     assert library.find(FILE, "d4rl") == FILE
 
@@ -83,7 +83,7 @@ def test_bytes_changed_behind_unchanged_times_are_found_by_verify(library: Libra
     )
     (library.folder("d4rl") / f"{FILE.name}.json").write_text(pretended.model_dump_json())
     assert library.find(FILE, "d4rl").sha256 == note.sha256
-    with pytest.raises(UserError, match="is not the there-v2"):
+    with pytest.raises(UserError, match=r"there-v2 .*SHA-256"):
         library.verify("d4rl", FILE)
 
 
@@ -92,7 +92,7 @@ def test_a_damaged_note_is_no_licence_to_take_another_file(library: Library, out
     library.register("d4rl", FILE, outside)
     note = library.folder("d4rl") / f"{FILE.name}.json"
     note.write_text(damage)
-    with pytest.raises(UserError, match="is damaged, so that nothing says which there-v2 was first used"):
+    with pytest.raises(UserError, match=r"damaged.*there-v2"):
         library.find(FILE, "d4rl")
     note.unlink()
     assert library.find(FILE, "d4rl") == FILE, "an adopted file is forgotten with its note"
@@ -100,7 +100,7 @@ def test_a_damaged_note_is_no_licence_to_take_another_file(library: Library, out
 
 def test_a_note_that_cannot_be_read_is_no_licence_either(library: Library, outside: Path) -> None:
     (library.folder("d4rl") / f"{FILE.name}.json").mkdir(parents=True)
-    with pytest.raises(UserError, match=r"cannot be read .* so that nothing says which there-v2 was first used"):
+    with pytest.raises(UserError, match=r"cannot be read .*there-v2"):
         library.register("d4rl", FILE, outside)
 
 
@@ -116,7 +116,7 @@ def test_a_file_that_is_written_to_has_no_hash(
         return found
 
     monkeypatch.setattr(library_module, "sha256", while_written)
-    with pytest.raises(UserError, match="is being written to"):
+    with pytest.raises(UserError, match=f"{outside} is being written"):
         library.register("d4rl", FILE, outside)
 
 
@@ -125,7 +125,7 @@ def test_an_own_file_is_taken_as_it_is_now(library: Library, outside: Path) -> N
     assert library.find(own_file(str(outside)), "files") == first
     write_d4rl(outside, make_episodes((3, 3), (True, True)))
     assert library.find(own_file(str(outside)), "files").sha256 != first.sha256
-    with pytest.raises(UserError, match=r"No data file .*none\.hdf5"):
+    with pytest.raises(UserError, match=r"none\.hdf5.*--source"):
         library.find(own_file(str(outside.with_name("none.hdf5"))), "files")
 
 
@@ -142,7 +142,7 @@ def test_a_minari_dataset_is_hashed_by_its_data(library: Library, tmp_path: Path
     (tmp_path / "dataset" / "data").mkdir(parents=True)
     write_minari(tmp_path / "dataset" / "data" / "main_data.hdf5", make_episodes())
     assert library.find(own_file(str(tmp_path / "dataset")), "files").sha256
-    with pytest.raises(UserError, match="a folder without"):
+    with pytest.raises(UserError, match=r"Minari.*LeRobot"):
         library.find(own_file(str(tmp_path)), "files")
 
 

@@ -257,7 +257,7 @@ def check(reading: Reading) -> None:
         if len(rows):
             raise FileProblem(
                 f"field '{name}' has a value that is no finite number, the first in row {int(rows[0]):,}",
-                f"{OTHER} 'lfobench data doctor' tells how many there are.",
+                f"{OTHER} 'lfobench data doctor' counts them.",
             )
 
 

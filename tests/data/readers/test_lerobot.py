@@ -66,7 +66,7 @@ def test_keys_can_be_chosen(folder: Path) -> None:
     found = read(folder, keys=BOTH[::-1])
     whole = np.vstack([seen(FIRST), seen(SECOND)])
     np.testing.assert_array_equal(seen(found.episodes), whole[:, [3, 0, 1, 2]])
-    with pytest.raises(FileProblem, match=r"file-000\.parquet/observation\.image' is missing"):
+    with pytest.raises(FileProblem, match=r"file-000\.parquet/observation\.image'"):
         read(folder, keys=("observation.image",))
 
 
@@ -85,7 +85,7 @@ def test_what_is_missing_is_named_with_its_table(folder: Path, name: str) -> Non
     change(table_of(folder, 1), name, None)
     with pytest.raises(FileProblem) as caught:
         read(folder)
-    assert f"'data/chunk-000/file-001.parquet/{name}' is missing (there: " in caught.value.cause
+    assert f"'data/chunk-000/file-001.parquet/{name}'" in caught.value.cause and "there:" in caught.value.cause
     assert ("keys=" in caught.value.remedy) == (name == "observation.state")
 
 
@@ -107,62 +107,58 @@ def test_ends_that_are_elsewhere(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "values", "said"),
+    ("name", "values", "named"),
     [
-        (
-            "action",
-            [[0.0, 1.0]] * 10 + [[0.0]],
-            "file-000.parquet/action' has rows of different length",
-        ),
-        ("action", [[0.0, 1.0]] * 10 + [None], "action' has a row without a value"),
-        ("action", [[0.0, 1.0]] * 10 + [[0.0, None]], "action' has a row without a value"),
-        ("action", ["left"] * 11, "action' holds string, not plain numbers"),
-        ("action", [[[0.0]]] * 11, "action' holds list"),
-        ("action", [[0.0, 1.0, 2.0]] * 11, "a column has 2 numbers in some rows and 3 in others"),
-        ("frame_index", [0, 1, 2, 4, 5, 6, 7, 0, 1, 2, 3], "frame 3 of episode 0 is missing: row 3 has frame_index 4"),
-        ("episode_index", [0] * 3 + [1] * 4 + [0] * 4, "episode 0 begins in row 7, after a later one"),
-        ("episode_index", [5] * 7 + [6] * 4, "episode 2 begins in row 11, after a later one"),
-        ("episode_index", [0.5] * 11, "episode_index' holds no whole numbers"),
-        ("next.done", [2] * 11, "'next.done' has .*2.* in row 0, where 0 or 1 belongs"),
+        ("action", [[0.0, 1.0]] * 10 + [[0.0]], "file-000.parquet/action'.*length"),
+        ("action", [[0.0, 1.0]] * 10 + [None], "action'.*without a value"),
+        ("action", [[0.0, 1.0]] * 10 + [[0.0, None]], "action'.*without a value"),
+        ("action", ["left"] * 11, "action'.*string"),
+        ("action", [[[0.0]]] * 11, "action'.*list"),
+        ("action", [[0.0, 1.0, 2.0]] * 11, "2 numbers.*3"),
+        ("frame_index", [0, 1, 2, 4, 5, 6, 7, 0, 1, 2, 3], "frame 3 of episode 0.*row 3.*frame_index 4"),
+        ("episode_index", [0] * 3 + [1] * 4 + [0] * 4, "episode 0.*row 7"),
+        ("episode_index", [5] * 7 + [6] * 4, "episode 2.*row 11"),
+        ("episode_index", [0.5] * 11, "episode_index'.*whole numbers"),
+        ("next.done", [2] * 11, "'next.done'.*2.*row 0"),
     ],
 )
-def test_a_spoilt_column_is_refused(folder: Path, name: str, values: object, said: str) -> None:
+def test_a_spoilt_column_is_refused(folder: Path, name: str, values: object, named: str) -> None:
     change(table_of(folder), name, values)
-    with pytest.raises(FileProblem, match=said):
+    with pytest.raises(FileProblem, match=named):
         read(folder)
 
 
-def test_numbers_of_several_types_are_told(folder: Path) -> None:
+def test_numbers_of_several_types_are_counted(folder: Path) -> None:
     change(table_of(folder, 1), "action", SECOND.actions.astype(np.float64).tolist())
     assert read(folder).kinds == {"action": {"float32": 1, "float64": 1}}
 
 
 @pytest.mark.parametrize(
-    ("information", "said"),
+    ("information", "named"),
     [
-        ({"codebase_version": "v2.1"}, "version v2.1, and only version 3 is read"),
-        ({"codebase_version": None}, "does not say which version"),
+        ({"codebase_version": "v2.1"}, "v2.1.*3"),
+        ({"codebase_version": None}, "version"),
     ],
 )
-def test_other_versions_are_refused(tmp_path: Path, information: dict[str, object], said: str) -> None:
-    with pytest.raises(FileProblem, match=said):
+def test_other_versions_are_refused(tmp_path: Path, information: dict[str, object], named: str) -> None:
+    with pytest.raises(FileProblem, match=named):
         read(write_lerobot(tmp_path / "dataset", [FIRST], **information))
 
 
 def test_a_damaged_dataset(folder: Path) -> None:
     table = table_of(folder, 1)
     table.write_bytes(table.read_bytes()[:-20])
-    with pytest.raises(FileProblem, match=r"'data/chunk-000/file-001\.parquet' is damaged"):
+    with pytest.raises(FileProblem, match=r"'data/chunk-000/file-001\.parquet'.*damaged"):
         read(folder)
     (folder / "meta" / "info.json").write_text("{")
-    with pytest.raises(FileProblem, match=r"its meta/info\.json is no JSON"):
+    with pytest.raises(FileProblem, match=r"meta/info\.json.*JSON"):
         read(folder)
     (folder / "meta" / "info.json").write_text(json.dumps([]))
-    with pytest.raises(FileProblem, match="does not say which version"):
+    with pytest.raises(FileProblem, match="version"):
         read(folder)
     for number in (0, 1):
         table_of(folder, number).unlink()
-    with pytest.raises(FileProblem, match="a LeRobot dataset without"):
+    with pytest.raises(FileProblem, match=r"data/\*/\*\.parquet"):
         read(folder)
 
 
@@ -171,7 +167,7 @@ def test_rows_out_of_proportion(folder: Path) -> None:
     same = pyarrow.array(np.zeros(rows, np.int8))
     names = ("observation.state", "action", "episode_index", "frame_index")
     parquet.write_table(pyarrow.table(dict.fromkeys(names, same)), table_of(folder))
-    with pytest.raises(FileProblem, match="declares 20,000,000 rows"):
+    with pytest.raises(FileProblem, match="20,000,000 rows"):
         read(folder)
 
 
@@ -185,7 +181,7 @@ def test_lists_out_of_proportion(fixed: bool, folder: Path) -> None:
         pyarrow.FixedSizeListArray.from_arrays(zeros, width) if fixed else pyarrow.ListArray.from_arrays(offsets, zeros)
     )
     change(table_of(folder), "action", wide)
-    with pytest.raises(FileProblem, match=r"declares 11 rows of 11,000,0\d\d numbers"):
+    with pytest.raises(FileProblem, match=r"11 rows .*11,000,0\d\d numbers"):
         read(folder)
 
 
@@ -204,5 +200,5 @@ def test_without_pyarrow_the_extra_is_named(folder: Path, monkeypatch: pytest.Mo
 
 
 def test_one_table_is_no_dataset(folder: Path) -> None:
-    with pytest.raises(FileProblem, match="it is one Parquet table"):
+    with pytest.raises(FileProblem, match="Parquet"):
         read(table_of(folder))

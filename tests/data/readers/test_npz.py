@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers_files import flat_arrays, make_episodes, write_d4rl, write_npz, write_npz_folder
+from refusals import check_refusals
 
 from lfobench.contract.episodes import Episodes
 from lfobench.data.readers.formats import read, sha256, stamp
@@ -115,49 +116,49 @@ def npy(header: str, content: bytes = b"") -> bytes:
     return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + content
 
 
-SPOILT: dict[str, tuple[Callable[[Path], object], str]] = {
-    "actions are missing": (lambda path: save(path, actions=None), r"'actions' is missing \(there: .*observations"),
-    "terminals are missing": (lambda path: save(path, terminals=None), r"'terminals' is missing \(there: "),
-    "two names of one thing": (lambda path: save(path, obs=np.zeros(3)), "'observations' and 'obs' mean the same"),
-    "objects": (lambda path: save(path, rewards=np.array([{}] * 20)), "'rewards' holds text or objects"),
-    "text": (lambda path: save(path, rewards=np.array(["one"] * 20)), "'rewards' holds text or objects"),
-    "rows": (lambda path: save(path, rewards=np.zeros(19)), "'rewards' has 19 rows, and 'actions' has 20"),
-    "columns": (lambda path: save(path, next_observations=np.zeros((20, 3))), "'next_observations' has 3 columns"),
-    "dimensions": (lambda path: save(path, actions=np.zeros((20, 2, 2))), "'actions' has 3 dimensions"),
-    "an odd flag": (lambda path: save(path, terminals=np.full(20, 2)), "'terminals' has .*2.* in row 0"),
+SPOILT: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
+    "actions are missing": (lambda path: save(path, actions=None), ("'actions'", "observations")),
+    "terminals are missing": (lambda path: save(path, terminals=None), ("'terminals'", "there:")),
+    "two names of one thing": (lambda path: save(path, obs=np.zeros(3)), ("'observations'", "'obs'")),
+    "objects": (lambda path: save(path, rewards=np.array([{}] * 20)), ("'rewards'", "text")),
+    "text": (lambda path: save(path, rewards=np.array(["one"] * 20)), ("'rewards'", "text")),
+    "rows": (lambda path: save(path, rewards=np.zeros(19)), ("'rewards'", "19", "'actions'", "20")),
+    "columns": (lambda path: save(path, next_observations=np.zeros((20, 3))), ("'next_observations'", "3")),
+    "dimensions": (lambda path: save(path, actions=np.zeros((20, 2, 2))), ("'actions'", "3")),
+    "an odd flag": (lambda path: save(path, terminals=np.full(20, 2)), ("'terminals'", "2", "row 0")),
     "not finite": (
         lambda path: save(path, actions=np.full((20, 2), np.nan)),
-        "'actions' has a value that is no",
+        ("'actions'", "finite"),
     ),
-    "no rows": (lambda path: np.savez(path, **flat_arrays(make_episodes([], []))), "'actions' has no row"),
+    "no rows": (lambda path: np.savez(path, **flat_arrays(make_episodes([], []))), ("'actions'", "no row")),
     "a bomb": (
         lambda path: save_compressed(path, np.zeros((2**20, 40))),
-        "declares [0-9,]+ bytes of arrays, and has",
+        ("bytes",),
     ),
     "a shape beyond its bytes": (
         lambda path: with_member(path, "rewards", npy("{'descr': '<f4', 'fortran_order': False, 'shape': (9999999,)}")),
-        "'rewards' declares 39,999,996 bytes",
+        ("'rewards'", "39,999,996"),
     ),
     "a negative shape": (
         lambda path: with_member(path, "rewards", npy("{'descr': '<f4', 'fortran_order': False, 'shape': (-4,)}")),
-        "'rewards' declares",
+        ("'rewards'", "(-4,)"),
     ),
     "bytes beyond its shape": (
         lambda path: with_member(
             path, "rewards", npy("{'descr': '<f4', 'fortran_order': False, 'shape': (20,)}", bytes(84))
         ),
-        "'rewards' has another number of bytes",
+        ("'rewards'", "bytes"),
     ),
     "a header that is a program": (
         lambda path: with_member(path, "rewards", npy("{'descr': __import__('os').getcwd(), 'shape': (20,)}")),
-        "it is damaged",
+        ("damaged",),
     ),
-    "an array that is none": (lambda path: with_member(path, "rewards", b"nothing"), "it is damaged"),
+    "an array that is none": (lambda path: with_member(path, "rewards", b"nothing"), ("damaged",)),
     "another compression": (
         lambda path: with_member(path, "rewards", b"nothing", zipfile.ZIP_LZMA),
-        "'rewards' is compressed as NumPy does not",
+        ("'rewards'", "compressed"),
     ),
-    "cut short": (lambda path: (save(path), path.write_bytes(path.read_bytes()[:900])), "it is damaged"),
+    "cut short": (lambda path: (save(path), path.write_bytes(path.read_bytes()[:900])), ("damaged",)),
 }
 
 
@@ -170,27 +171,37 @@ def save_compressed(path: Path, observations: np.ndarray) -> None:  # type: igno
     path.write_bytes(content.replace(declared.to_bytes(4, "little"), (2**32 - 2).to_bytes(4, "little")))
 
 
+def refusal(path: Path, case: str) -> FileProblem:
+    """The problem of an archive that a case spoilt."""
+    SPOILT[case][0](path)
+    with pytest.raises(FileProblem) as caught:
+        check(read(path))
+    return caught.value
+
+
 @pytest.mark.parametrize("case", SPOILT)
 def test_a_spoilt_archive_is_refused(tmp_path: Path, case: str) -> None:
-    spoil, said = SPOILT[case]
-    spoil(tmp_path / "file.npz")
-    with pytest.raises(FileProblem, match=said) as caught:
-        check(read(tmp_path / "file.npz"))
-    assert caught.value.remedy.endswith(".")
+    problem = refusal(tmp_path / "file.npz", case)
+    assert all(fact in problem.cause for fact in SPOILT[case][1])
+    assert problem.remedy.endswith(".")
+
+
+def test_the_sentences_of_refusals(tmp_path: Path) -> None:
+    """But that of the bomb, whose size depends on the version of zlib."""
+    cases = [case for case in SPOILT if case != "a bomb"]
+    check_refusals({case: refusal(tmp_path / f"{case}.npz", case) for case in cases}, "npz")
 
 
 def test_a_folder_names_the_archive(tmp_path: Path) -> None:
     folder = write_npz_folder(tmp_path / "folder", EPISODES)
     np.savez(folder / "trajectory_1.npz", obs=EPISODES.observations[8:13])
-    with pytest.raises(FileProblem, match=r"'trajectory_1\.npz/actions' is missing \(there: trajectory_1\.npz/obs\)"):
+    with pytest.raises(FileProblem, match=r"'trajectory_1\.npz/actions'.*trajectory_1\.npz/obs"):
         read(folder)
     np.savez(folder / "trajectory_1.npz", obs=np.zeros((5, 3)), acts=np.zeros((4, 2)))
-    with pytest.raises(FileProblem, match=r"'trajectory_1\.npz/obs' has 3 columns, and 'trajectory_0\.npz/obs' has 4"):
+    with pytest.raises(FileProblem, match=r"'trajectory_1\.npz/obs' has 3 .*'trajectory_0\.npz/obs' has 4"):
         read(folder)
     np.savez(folder / "trajectory_1.npz", obs=np.zeros((4, 4)), acts=np.zeros((4, 2)))
-    with pytest.raises(
-        FileProblem, match=r"'trajectory_0\.npz/obs' is there, and no next_observations .*'trajectory_1"
-    ):
+    with pytest.raises(FileProblem, match=r"'trajectory_0\.npz/obs'.*next_observations.*'trajectory_1"):
         read(folder)
 
 

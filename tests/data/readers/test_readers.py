@@ -54,7 +54,7 @@ def test_minari_episodes_are_in_order_of_their_numbers_and_none_may_lack(tmp_pat
     assert_same(read(path).episodes, episodes)
     with h5py.File(path, "a") as file:
         del file["episode_3"]
-    with pytest.raises(hdf5.FileProblem, match="episode 3 is missing, and episode_11 is there"):
+    with pytest.raises(hdf5.FileProblem, match=r"episode 3 .*episode_11"):
         read(path)
 
 
