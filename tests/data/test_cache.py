@@ -175,7 +175,7 @@ def test_arrays_that_no_shard_has_are_damage(
     signed(store, 0, arrays, fingerprint(episodes))
     assert walk(store.read(0, REBUILD)[0]) == walk(episodes)
     signed(store, 0, {name: np.asarray(array) for name, array in change(arrays).items()}, fingerprint(episodes))
-    with pytest.raises(UserError, match=rf"{re.escape(str(store.path(0)))} is damaged"):
+    with pytest.raises(UserError, match=rf"{re.escape(str(store.path(0)))} .*damaged.*rm "):
         store.read(0, REBUILD)
 
 
@@ -183,7 +183,7 @@ def test_a_shard_that_does_not_continue_the_others_is_damage(tmp_path: Path) -> 
     store = PartCache(tmp_path, part())
     for shard, width in enumerate((2, 2, 3)):
         store.write(shard, make_episodes([(SHARD, False)], width=width))
-    with pytest.raises(UserError, match=rf"{re.escape(str(store.path(2)))} is damaged"):
+    with pytest.raises(UserError, match=rf"{re.escape(str(store.path(2)))} .*damaged"):
         store.load(3 * SHARD, REBUILD)
 
 
@@ -321,19 +321,19 @@ def test_shards_wanted_twice_are_built_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "named"),
     [
-        (lambda arrays: {name: arrays[name] for name in arrays if name != "actions"}, "it lacks actions"),
-        (lambda arrays: {**arrays, "foo": arrays["rewards"]}, "it has the unknown array foo"),
+        (lambda arrays: {name: arrays[name] for name in arrays if name != "actions"}, "actions"),
+        (lambda arrays: {**arrays, "foo": arrays["rewards"]}, "foo"),
         (
             lambda arrays: {**arrays, "rewards": arrays["actions"]},
-            "rewards is F32 of 2 dimensions, not F32 of 1",
+            r"rewards.*F32.* 2 .*F32.* 1",
         ),
     ],
 )
-def test_a_shard_with_other_arrays_names_them(change: Any, words: str, tmp_path: Path) -> None:
+def test_a_shard_with_other_arrays_names_them(change: Any, named: str, tmp_path: Path) -> None:
     episodes = make_episodes([(3, False)])
     arrays = {name: getattr(episodes, name) for name in ARRAYS}
     save_file(change(arrays), tmp_path / "shard")
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=named):
         open_shard(tmp_path / "shard")

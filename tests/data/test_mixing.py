@@ -235,9 +235,7 @@ def test_no_declaration_is_served_with_something_else(
     triples = "second_next_observation" in fields
     rules = {("released", "teleport"), ("exact", "zero"), ("exact" if triples else "released", "absorbing")}
     if (boundary, termination) not in rules:
-        with pytest.raises(
-            ValueError, match=f"no rule makes {boundary} (pairs|triples) with termination '{termination}'"
-        ):
+        with pytest.raises(ValueError, match=rf"{boundary} (pairs|triples) .*'{termination}'"):
             mixed(offline, expert, needs)
         return
     found = mixed(offline, expert, needs)

@@ -90,7 +90,7 @@ def test_a_sample_is_in_no_order() -> None:
 
 
 def test_a_sample_larger_than_the_recordings_is_refused() -> None:
-    with pytest.raises(UserError, match="samples 9 expert transitions; its trajectories hold 8"):
+    with pytest.raises(UserError, match=r" 9 expert transitions.* 8 .*expert_transitions"):
         mixed([(4, False)], [(5, False), (5, False)], TRIPLE, 9)
 
 
@@ -142,23 +142,23 @@ def test_a_recording_is_shared_by_tasks_that_only_score_differently() -> None:
 
 
 def test_a_demonstrator_that_records_too_little_is_named() -> None:
-    with pytest.raises(ValueError, match="asked for 4 episodes and recorded 3"):
+    with pytest.raises(ValueError, match=r" 4 episodes.* 3"):
         record(specification(), Counting(short=1))
 
 
 @pytest.mark.parametrize(
-    ("wrong", "words"),
+    ("wrong", "named"),
     [
-        ({"observations": lambda rows: rows[:, :1]}, r"observations has rows of shape \(1,\); those of .* \(2,\)"),
-        ({"actions": lambda rows: np.repeat(rows, 2, 1)}, r"actions has rows of shape \(4,\)"),
-        ({"observations": with_first(np.nan)}, "observations has a value that is not a finite number"),
-        ({"rewards": with_first(np.inf)}, "rewards has a value that is not a finite number"),
-        ({"actions": with_first(np.nan)}, r"actions has a value that is not a number in \[-1, 1\]"),
-        ({"actions": with_first(1.5)}, r"actions has a value that is not a number in \[-1, 1\]"),
+        ({"observations": lambda rows: rows[:, :1]}, r"observations.* \(1,\).* \(2,\)"),
+        ({"actions": lambda rows: np.repeat(rows, 2, 1)}, r"actions.* \(4,\)"),
+        ({"observations": with_first(np.nan)}, "observations.*finite"),
+        ({"rewards": with_first(np.inf)}, "rewards.*finite"),
+        ({"actions": with_first(np.nan)}, r"actions.* \[-1, 1\]"),
+        ({"actions": with_first(1.5)}, r"actions.* \[-1, 1\]"),
     ],
 )
-def test_a_recording_that_its_environment_would_not_make_is_refused(wrong: dict[str, Any], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
+def test_a_recording_that_its_environment_would_not_make_is_refused(wrong: dict[str, Any], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
         record(specification(), Counting(**wrong))
 
 
@@ -171,7 +171,7 @@ def test_parts_without_actions_are_known_before_anything_is_trained(tmp_path: Pa
     silent = replace(SCENES, demonstrator=lambda environment, level: silent_demonstrator)
     for request in requests(silent, silent.tasks[0], silent.tasks[0].recipe):
         PartCache(tmp_path, request.specification).write(0, record(request.specification, silent_demonstrator))
-    with pytest.raises(UserError, match="The random part of reach-few was recorded without actions"):
+    with pytest.raises(UserError, match=r"random part of reach-few .*actions.*expert_actions=False"):
         load_task(tmp_path, silent, silent.tasks[0], silent.tasks[0].recipe, "build")
 
 
@@ -190,12 +190,12 @@ def test_every_method_sees_the_same_standardised_observations(
     np.testing.assert_array_equal(found.observations, found.transform(plain.observations))
 
 
-def test_the_manifest_says_what_is_observed() -> None:
+def test_the_manifest_counts_the_observed_rows() -> None:
     offline, expert = make_episodes([(6, False)] * 3), make_episodes([(6, False)] * 2, start=5_000)
     environment = Environment("reach", "Reach-v0", 9, 0.0, 1.0)
     task = Task("reach-few", "few", environment, recipe(5, 2), 10)
     counted = manifest(TaskData(task, recipe(5, 2), offline, expert, {"offline": "a", "expert": "b"}))
-    words = "\n".join(counted.sentences())
-    assert "3 episodes, 18 transitions" in words
-    assert "offline triples: 15" in words
-    assert "5 observation triples, drawn uniformly" in words
+    text = "\n".join(counted.sentences())
+    assert "3 episodes, 18 transitions" in text
+    assert "15" in text
+    assert "5 observation triples" in text

@@ -26,14 +26,14 @@ def test_reused_although_the_cache_holds_other_data() -> None:
     assert same.differences == ()
     other = explain(run, [record], {"offline": "a1", "expert": "c3"})
     assert other.reused
-    assert "made from other data" in other.headline
+    assert other.headline != same.headline
     assert other.differences == ('data_fingerprints.expert: "b2" -> "c3"',)
 
 
 def test_no_record_of_this_method_on_this_task() -> None:
     found = explain(Run(smoke_cell("dilo"), 0), [record_of(Run(smoke_cell("bc"), 0))], {})
     assert not found.reused
-    assert "no record of this method on this task" in found.headline
+    assert "no record" in found.headline
 
 
 def test_field_by_field() -> None:

@@ -136,7 +136,7 @@ def edited(path: Path) -> Path:
 
 
 def assert_seed_0_is_refused(folder: Path) -> None:
-    with pytest.warns(UserWarning, match="does not match its seal"):
+    with pytest.warns(UserWarning, match="edited"):
         frame = lfobench.load(folder)
     assert set(frame.loc[frame["method"] == "dilo", "seed"]) == {1, 2}
 
@@ -325,7 +325,7 @@ def test_an_index_that_cannot_be_written_is_done_without(
     assert len(lfobench.load(folder)) == len(lfobench.load(folder)) > 0
 
 
-def test_the_index_never_lies_beside_the_records(folder: Path, cache: Path) -> None:
+def test_the_index_never_lies_next_to_the_records(folder: Path, cache: Path) -> None:
     before = sorted(folder.rglob("*"))
     lfobench.load(folder)
     assert sorted(folder.rglob("*")) == before
@@ -336,14 +336,10 @@ def test_copies_count_once_and_contradictions_not_at_all(folder: Path) -> None:
     shutil.copy(folder / "records" / "a" / "dilo-0.json", folder / "copy.json")
     write(folder / "other.json", make_record(77.0, seed=1))
     for _ in range(2):
-        with pytest.warns(UserWarning) as said:
+        with pytest.warns(UserWarning) as caught:
             frame = lfobench.load(folder)
-        assert {"are copies of one record", "differ in what they measured"} == {
-            text
-            for text in ("are copies of one record", "differ in what they measured")
-            for one in said
-            if text in str(one.message)
-        }
+        assert sorted("none of them counts" in str(one.message) for one in caught) == [False, True]
+        assert all("copy.json" in str(one.message) or "other.json" in str(one.message) for one in caught)
         assert set(frame.loc[frame["method"] == "dilo", "seed"]) == {0, 2}
         assert len(frame[frame["seed"] == 2]) == 5
 
@@ -376,10 +372,10 @@ def change_of(*place: str | int, value: Any) -> Callable[[dict[str, Any]], None]
 @pytest.mark.parametrize(
     ("change", "cause"),
     [
-        (change_of("evaluations", 0, "lengths", value=[1, 2, 3]), "2 returns and 3 lengths"),
-        (change_of("evaluations", 0, "lengths", value=[1]), "2 returns and 1 lengths"),
-        (change_of("evaluations", 0, "lengths", value=[10**18, 1]), "lengths.0: Input should be less"),
-        (change_of("evaluations", 0, "step", value=2**70), "step: Input should be less"),
+        (change_of("evaluations", 0, "lengths", value=[1, 2, 3]), "3 lengths"),
+        (change_of("evaluations", 0, "lengths", value=[1]), "1 lengths"),
+        (change_of("evaluations", 0, "lengths", value=[10**18, 1]), "lengths.0"),
+        (change_of("evaluations", 0, "step", value=2**70), "step"),
         (change_of("identity", "seed", value=2**70), "seed"),
         (change_of("identity", "precision", value=[1]), "precision"),
     ],
@@ -501,5 +497,5 @@ def sorted_metrics(frame: pd.DataFrame) -> list[str]:
 
 
 def test_metrics_and_episodes_are_different_rows(folder: Path) -> None:
-    with pytest.raises(UserError, match="not both"):
+    with pytest.raises(UserError, match="Load two frames"):
         lfobench.load(folder, metrics=True, episodes=True)

@@ -94,15 +94,15 @@ def test_an_unknown_name_offers_the_closest_and_a_file() -> None:
 
 
 def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
-    assert "There is no file" in refusal(str(tmp_path / "absent.csv"))
+    assert str(tmp_path / "absent.csv") in refusal(str(tmp_path / "absent.csv"))
     assert "is a folder" in refusal(str(tmp_path))
     assert "Cannot read" in refusal("x" * 300)
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "words"),
+    ("text", "line", "named"),
     [
-        ("env,method,mean\nhopper,dilo,1\n", 1, "has the columns env, method, mean"),
+        ("env,method,mean\nhopper,dilo,1\n", 1, "env, method, mean"),
         ("env,method,mean,std,successes,trials\nhopper,dilo,1,1,1,1\n", 1, "both"),
         ("env,mean,std\nhopper,1,1\n", 1, "method, mean, std"),
         ("env,env,method,mean,std\nhopper,hopper,dilo,1,1\n", 1, "two columns 'env'"),
@@ -113,47 +113,47 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
         (MEANS + "hopper,dilo,1e999,1,1\n", 2, "finite"),
         (MEANS + "hopper,dilo,1_0,1,1\n", 2, "finite"),
         (MEANS + "hopper,dilo,1,1.0*,1\n", 2, "std is '1.0*'"),
-        (MEANS + "hopper,dilo,97.9 ± 8.1,,1\n", 2, "a mean and its spread in one field"),
-        (MEANS + "hopper,dilo,97.9+-8.1,,1\n", 2, "a mean and its spread in one field"),
-        (MEANS + "hopper,dilo,97.9 +/- 8.1,,1\n", 2, "a mean and its spread in one field"),
+        (MEANS + "hopper,dilo,97.9 ± 8.1,,1\n", 2, "97.9 ± 8.1"),
+        (MEANS + "hopper,dilo,97.9+-8.1,,1\n", 2, "mean and std"),
+        (MEANS + "hopper,dilo,97.9 +/- 8.1,,1\n", 2, "mean and std"),
         (MEANS + "hopper,dilo,97.9%,1,1\n", 2, "'97.9%'"),
         (MEANS + "hopper,dilo,12\u00a0135,1,1\n", 2, "'12 135'"),
         (MEANS + "hopper,dilo,1e300,1,1\n", 2, "beyond ±1.0e15"),
         (MEANS + "hopper,dilo,1,2e15,1\n", 2, "std is '2e15'"),
-        (",env,method,mean,std\n0,hopper,dilo,1,1\n", 1, "a column without a name, number 1 of 5"),
-        ("Unnamed: 0,env,method,mean,std\n0,hopper,dilo,1,1\n", 1, "'Unnamed: 0' is a column without a name"),
-        ("id,env,method,mean,std\n0,hopper,dilo,1,1\n1,hopper,bc,1,1\n", 1, "column 'id' has another value"),
-        ("env\tmethod\tmean\tstd\nhopper\tdilo\t12,135\t3\n", 2, "'12,135' may be grouped by thousands"),
-        ("env;method;mean;std\nhopper;dilo;1,5;3\nhopper;bc;1.5;2\n", 3, "'1.5' has a point"),
+        (",env,method,mean,std\n0,hopper,dilo,1,1\n", 1, "number 1 of 5"),
+        ("Unnamed: 0,env,method,mean,std\n0,hopper,dilo,1,1\n", 1, "'Unnamed: 0'"),
+        ("id,env,method,mean,std\n0,hopper,dilo,1,1\n1,hopper,bc,1,1\n", 1, "column 'id'"),
+        ("env\tmethod\tmean\tstd\nhopper\tdilo\t12,135\t3\n", 2, "'12,135'"),
+        ("env;method;mean;std\nhopper;dilo;1,5;3\nhopper;bc;1.5;2\n", 3, "'1.5'"),
         (MEANS + "hopper,dilo,1,-1,1\n", 2, "not negative"),
         (MEANS + "hopper,dilo,,1,1\n", 2, "mean is empty"),
         (MEANS + "hopper,,1,1,1\n", 2, "method is empty"),
         (MEANS + ",dilo,1,1,1\n", 2, "env is empty"),
         (MEANS + "hopper,dilo,1,1,yes\n", 2, "highlighted is 'yes'"),
-        (MEANS + "hopper,dilo,1,1\n", 2, "4 fields under 5 columns"),
-        (MEANS + "hopper,dilo,1,1,1\nhopper,dilo,2,1,0\n", 3, "second number of dilo for hopper"),
+        (MEANS + "hopper,dilo,1,1\n", 2, "4 fields"),
+        (MEANS + "hopper,dilo,1,1,1\nhopper,dilo,2,1,0\n", 3, "dilo for hopper"),
         ("env,method,mean,std,n\nhopper,dilo,1,1,0\n", 2, "at least 1"),
         ("env,method,mean,std,n\nhopper,dilo,1,1,2.5\n", 2, "whole number"),
         ("env,method,mean,std,n\nhopper,dilo,1,1,\n", 2, "n is empty"),
-        (COUNTS + "reach,dilo,11,10\n", 2, "11 successes are more than 10 trials"),
+        (COUNTS + "reach,dilo,11,10\n", 2, "11 successes"),
         (COUNTS + "reach,dilo,-1,10\n", 2, "whole number"),
         (COUNTS + "reach,dilo,0,0\n", 2, "at least 1"),
         (COUNTS + "reach,dilo,,10\n", 2, "successes is empty"),
         (COUNTS + 'reach,"dilo,1,10\n', 2, "not CSV"),
-        (COUNTS + "reach,dilo\x1b[2J,1,10\n", 2, r"'dilo\x1b[2J' has a character that cannot be printed"),
+        (COUNTS + "reach,dilo\x1b[2J,1,10\n", 2, r"'dilo\x1b[2J'"),
     ],
 )
-def test_every_mistake_names_the_file_and_the_line(tmp_path: Path, text: str, line: int, words: str) -> None:
-    said = refusal(write(tmp_path, text))
-    assert f"table.csv, line {line}:" in said
-    assert words in said
+def test_every_mistake_names_the_file_and_the_line(tmp_path: Path, text: str, line: int, named: str) -> None:
+    found = refusal(write(tmp_path, text))
+    assert f"table.csv, line {line}:" in found
+    assert named in found
 
 
 def test_files_without_lines_to_name(tmp_path: Path) -> None:
     assert "is empty" in refusal(write(tmp_path, ""))
     assert "no line below" in refusal(write(tmp_path, MEANS))
-    assert "not a UTF-8 text" in refusal(write(tmp_path, MEANS.encode() + b"hopper,dil\xf6,1,1,1\n"))
-    assert "not a UTF-8 text" in refusal(write(tmp_path, MEANS.encode("utf-16")))
+    assert "UTF-8" in refusal(write(tmp_path, MEANS.encode() + b"hopper,dil\xf6,1,1,1\n"))
+    assert "UTF-8" in refusal(write(tmp_path, MEANS.encode("utf-16")))
 
 
 @given(
@@ -182,6 +182,6 @@ def test_what_is_no_table_is_not_waited_for(kind: str, tmp_path: Path) -> None:
     else:
         with file.open("wb") as sparse:
             sparse.truncate(2 * 10**9)
-    said = refusal(str(file))
-    assert str(file) in said
-    assert ("2,000,000,000 bytes" if kind == "large" else "not a regular file") in said
+    found = refusal(str(file))
+    assert str(file) in found
+    assert ("2,000,000,000 bytes" if kind == "large" else "not a regular file") in found

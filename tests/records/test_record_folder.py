@@ -231,7 +231,7 @@ def test_a_problem_is_named_with_its_place(folder: RecordFolder, run: Run) -> No
     path = folder.write(run, record_of(run))
     edit(path, "labels", value={"suite": "s"})
     (warning,) = folder.read_all().warnings
-    assert "labels.group: Field required" in warning.what
+    assert "labels.group" in warning.what
 
 
 def test_records_of_another_schema_are_named(folder: RecordFolder, run: Run) -> None:
@@ -297,7 +297,7 @@ def is_a_folder(path: Path) -> None:
 def test_what_is_no_file_of_ours_is_named_at_once(
     make: Callable[[Path], None], cause: str, folder: RecordFolder, run: Run
 ) -> None:
-    """In the place of a record, of a crash and of a choice; the records beside it are read."""
+    """In place of a record, and of a report of a crash; the other records are read."""
     kept = folder.write(run, record_of(run))
     other = Run(run.cell, 4)
     for path in (folder.path(other), folder.failure(other)):
@@ -343,7 +343,7 @@ def nested(levels: int) -> Any:
 def test_counts_that_no_run_has_are_refused(
     place: tuple[str | int, ...], value: Any, cause: str, folder: RecordFolder, run: Run
 ) -> None:
-    """Sealed by whoever made them."""
+    """Sealed like real ones."""
     path = folder.write(run, record_of(run))
     content = json.loads(path.read_text(encoding="utf-8"))
     del content[SEAL]
@@ -366,12 +366,12 @@ def test_no_folder_is_a_users_mistake(tmp_path: Path) -> None:
 
 def test_a_file_is_not_a_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    with pytest.raises(UserError, match="file is not a folder"):
+    with pytest.raises(UserError, match=r"file .*--out"):
         RecordFolder(tmp_path / "file").read_all()
 
 
 def test_a_name_that_the_system_refuses(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="Cannot look into"):
+    with pytest.raises(UserError, match="--out"):
         RecordFolder(tmp_path / ("x" * 300)).read_all()
 
 
