@@ -35,7 +35,7 @@ from lfobench.tables.building import build_table
 from lfobench.tables.counting import knobs
 from lfobench.tables.exporters import export
 from lfobench.tables.outcomes import OutcomeTable, outcome_table
-from lfobench.tables.published_columns import beside
+from lfobench.tables.published_columns import with_publication
 from lfobench.tables.table import Table
 from lfobench.text import harmless
 
@@ -288,16 +288,16 @@ def table(
     Without a `statistic` and a `test` it shows success counts, compared by Fisher's test, where every record says how
     its episodes ended, and else scores, compared by Welch's. So do a report and the figures (see `knobs`).
 
-    `against` names a publication, whose numbers then stand beside ours, each with the verdict of an equivalence test
-    within `margin` points, or of Fisher's test of counts; `anyway` shows them although the source or the protocol is
-    another.
+    `against` names a publication, whose numbers follow ours in columns of their own, each with the result of an
+    equivalence test within `margin` points, or of Fisher's test of counts; `anyway` shows them although the source or
+    the protocol is another.
 
     Raises:
         UserError: as the command line says it.
     """
     selection = _selected(out, **filters)
     built = selection.table(*knobs(selection.records, statistic, test, scope, correction, alpha))
-    return built if against is None else hold_against(built, against, margin, anyway)
+    return built if against is None else compare_with_publication(built, against, margin, anyway)
 
 
 def outcomes(out: str | Path, **filters: Unpack[Filters]) -> OutcomeTable:
@@ -309,13 +309,13 @@ def outcomes(out: str | Path, **filters: Unpack[Filters]) -> OutcomeTable:
     return _selected(out, **filters).outcomes()
 
 
-def hold_against(table: Table, publication: str, margin: float, anyway: bool) -> Table:
-    """`table` with the numbers of a publication beside ours: its counts beside counts, its scores beside scores.
+def compare_with_publication(table: Table, publication: str, margin: float, anyway: bool) -> Table:
+    """`table` with published columns: counts where ours are counts, scores where ours are scores.
 
     Raises:
         UserError: an unknown publication, a margin that is not positive, or numbers that are not comparable.
     """
-    return beside(table, read_publication(publication), margin, anyway)
+    return with_publication(table, read_publication(publication), margin, anyway)
 
 
 def plot(

@@ -280,8 +280,8 @@ def _paired(
     common = [key for key in ours if key in theirs]
     if not common:
         raise UserError(
-            f"{subject.name} and {reference.name} have no cell in common: there is {_listed(map(name, ours))} on one "
-            f"side and {_listed(map(name, theirs))} on the other.",
+            f"{subject.name} and {reference.name} have no cell in common: the former has {_listed(map(name, ours))}, "
+            f"the latter {_listed(map(name, theirs))}.",
             "Run the same tasks for both.",
         )
     return Pairing(
@@ -377,11 +377,11 @@ def warnings_of(compared: Compared) -> list[Warning]:
 def summary(compared: Compared) -> str:
     """``dilo against smodice: better on 1 task, worse on 0, undecided on 1``; a regression gate says worse first."""
     pairing = compared.pairing
-    words: list[Verdict] = (
+    first: list[Verdict] = (
         ["better", "worse", "undecided"] if pairing.kind == "methods" else ["worse", "undecided", "better"]
     )
     parts: list[str] = []
-    for verdict in [*words, *(other for other in VERDICTS if other not in words and compared.having(other))]:
+    for verdict in [*first, *(other for other in VERDICTS if other not in first and compared.having(other))]:
         count = len(compared.having(verdict))
         number = f"{count}" if parts else counted(count, pairing.unit)
         parts.append(f"{verdict}{'' if verdict == 'identical' else ' on'} {number}")
@@ -389,14 +389,14 @@ def summary(compared: Compared) -> str:
 
 
 def blind_because(compared: Compared) -> str | None:
-    """Why no scores whatever could have led to a verdict; None where some could, or where all is identical."""
+    """The reason why no scores could have led to a verdict; None where some could, or where all is identical."""
     judged, rule = list(compared.contrast.cells.values()), compared.rule
     if not judged or any(cell.reachable for cell in judged):
         return None
     units = f"{unit(rule.test)}s"
     tested = [cell for cell in judged if cell.p is not None]
     if not tested:
-        return f"no cell has two {units} on both sides"
+        return f"no cell has two {units} in both"
     largest = max(tested, key=lambda cell: min(_sizes(cell, rule)))
     sizes = " against ".join(map(str, _sizes(largest, rule)))
     times = f", times {len(tested)} under Holm" if rule.correction == "holm" and len(tested) > 1 else ""

@@ -28,7 +28,7 @@ from lfobench.text import counted, short_number
 
 _STYLES: dict[Verdict, str] = {"worse": "bold red", "better": "bold green"}
 _REASONS: dict[Verdict, str] = {
-    "untested": ", for want of a second {unit} on both sides",
+    "untested": ": fewer than two {unit}s in one of the two",
     "identical": ": the same runs, bit for bit, so there is nothing to test",
 }
 
@@ -100,7 +100,9 @@ def notes(compared: Compared) -> Iterator[Note]:
         f"{'Newcombe' if rule.test == 'fisher' else 'Welch'}'s, of each {pairing.unit} alone.",
     )
     if rule.test in PAIRED:
-        yield Note("Pairs", "the test speaks of other starts of these trained policies, not of other training seeds.")
+        yield Note(
+            "Pairs", "the test generalises to other starts of these trained policies, not to other training seeds."
+        )
     if without := [name_of(cell) for cell, each in compared.contrast.cells.items() if each.without_spread]:
         yield Note("No spread", without_spread_note(rule.test, ", ".join(without)))
     if blind := blind_because(compared):
@@ -130,7 +132,7 @@ def _corrected(compared: Compared) -> str:
 def _aggregated(aggregate: Aggregate[CellName], pairing: Pairing) -> str:
     better, middle = aggregate.improvement, aggregate.interquartile_mean
     return (
-        f"over {counted(len(aggregate.cells), pairing.unit)} with two seeds or more on both sides, a run of "
+        f"over {counted(len(aggregate.cells), pairing.unit)} with two seeds or more in both, a run of "
         f"{pairing.subject.heading} beats one of {pairing.reference.heading} with probability "
         f"{better.value:.2f}{_ends(better.interval, '.2f')}; the interquartile mean differs by "
         f"{short_number(middle.value, '+z.1f')}{_ends(middle.interval, '+z.1f')}. Intervals "

@@ -1,4 +1,4 @@
-"""What the trajectory doctor says, on a terminal."""
+"""The trajectory doctor's findings, on a terminal."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def summary(found: Diagnosis) -> str:
 
 
 def not_terminated(found: Diagnosis) -> str:
-    """What the episodes did that did not end by themselves, as far as the file says."""
+    """The end of episodes that no terminal state ended, as far as the file records it."""
     return "cut by time" if found.timeouts else "not terminated"
 
 

@@ -154,7 +154,7 @@ class Budget:
     """The cost of reaching a number of seeds on every task.
 
     Attributes:
-        name: which number, in words.
+        name: of the number of seeds, e.g. ``5 seeds everywhere``.
         cost: of the runs that are missing.
         without: tasks for which no number is known.
     """
@@ -188,7 +188,7 @@ class SeedPlan:
 
     @property
     def blind_because(self) -> str | None:
-        """Why the planned seeds cannot show anything with the chosen test; None where they can."""
+        """The reason why the planned seeds cannot show anything with the chosen test; None where they can."""
         design, starts = self.design, self.starts
         if can_show(design, len(self.tasks), starts):
             return None

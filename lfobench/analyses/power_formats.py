@@ -140,7 +140,9 @@ def _pilot_notes(plan: SeedPlan) -> Iterator[Note]:
             "better a third.",
         )
     if any(_spreadless(figures) for figures in plan.tasks):
-        yield Note("No spread", "where a pilot's scores are all equal, two seeds are said to do; seeds may yet differ.")
+        yield Note(
+            "No spread", "where a pilot's scores are all equal, the formula asks for two seeds; other seeds may differ."
+        )
     if plan.pilot.without:
         yield Note("Not planned", f"{', '.join(plan.pilot.without)}: fewer than two methods to compare.")
     yield Note(

@@ -34,7 +34,7 @@ _OF_NUMBERS = {
     "margin": "--margin",
     "anyway": "--anyway",
 }
-"""Options that decide numbers and highlights, by parameter; how episodes ended has neither."""
+"""Options that decide numbers and highlights, by parameter; outcomes have neither."""
 
 
 def table(
@@ -58,7 +58,8 @@ def table(
     preset: options.PresetFilter = None,
     methods: options.MethodsFilter = None,
     against: Annotated[
-        str | None, typer.Option(help="A publication, e.g. dilo-2024: its numbers beside ours, each with a verdict.")
+        str | None,
+        typer.Option(help="A publication, e.g. dilo-2024: its numbers in columns after ours, each compared with ours."),
     ] = None,
     margin: Annotated[float, typer.Option(help="Points within which a score matches the published one.")] = 5.0,
     anyway: Annotated[
@@ -83,7 +84,7 @@ def table(
         return
     built = selected.table(*api.knobs(selected.records, statistic, test, scope, correction, alpha))
     if against is not None:
-        built = api.hold_against(built, against, margin, anyway)
+        built = api.compare_with_publication(built, against, margin, anyway)
     if format_name == TERMINAL:
         output.print(terminal(built))
     else:

@@ -67,7 +67,7 @@ class Axes:
 
 @dataclass(frozen=True)
 class DrawnCell:
-    """What the page shows of a cell of the table on demand: its seeds' curves, and the numbers behind its mean.
+    """Details of a cell of the table, shown on demand: its seeds' curves, and the numbers behind its mean.
 
     Attributes:
         column: its method.
@@ -108,7 +108,7 @@ def panels(table: Table, records: Sequence[Record]) -> list[Panel]:
 
 
 def curves_caption(table: Table, records: Sequence[Record], drawn: Sequence[Panel]) -> str:
-    """What the panels show."""
+    """Caption of the panels."""
     sentences = [
         "Score of every evaluation against gradient steps, mean over seeds; pointing at a cell of the table shows its "
         f"seeds. Grey lines at 0 and 100 are {ends(table)}.",

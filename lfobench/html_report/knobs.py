@@ -102,7 +102,7 @@ class Choices:
 
 
 def choices(table: Table) -> Choices:
-    """What the form offers for `table`."""
+    """Options of the form for `table`."""
     tests: dict[str, list[tuple[str, str]]] = {}
     for test in tests_of(table):
         tests.setdefault(_UNITS[unit(test)], []).append((test, _short(TESTS[test])))
@@ -119,12 +119,12 @@ _UNITS = {"seed": "over seeds", "start state": "over common start states", "epis
 
 def _short(test: str) -> str:
     """``the two-sided Mann-Whitney test`` to ``Mann-Whitney test``: a choice needs no article."""
-    words = test.replace("two-sided ", "").removeprefix("the ")
-    return words[0].upper() + words[1:]
+    name = test.replace("two-sided ", "").removeprefix("the ")
+    return name[0].upper() + name[1:]
 
 
 def pair_counts(table: Table) -> Iterator[PairCounts]:
-    """How often the first of a pair is better than the second, for every pair, under the table's own rule."""
+    """Counts of verdicts for every pair of methods, under the table's own rule."""
     samples = [_samples(table, row) for _, row in table.rows()]
     for first, second in combinations((column for column in table.columns if column.run_here), 2):
         both = [(of_row[first], of_row[second]) for of_row in samples if first in of_row and second in of_row]
@@ -159,7 +159,7 @@ def _count(rule: Rule, first: Column, second: Column, samples: list[tuple[Sample
 
 
 def _p_value(test: HighlightTest, one: Sample, two: Sample) -> float | None:
-    """The p-value as the highlight rule asks for it, the better side first: random relabellings depend on the order."""
+    """The p-value as in the highlight rule, the better sample first: random relabellings depend on the order."""
     first, second = (two, one) if two.summary.mean > one.summary.mean else (one, two)
     try:
         return p_value(test, first, second)

@@ -98,7 +98,7 @@ def report(
 
 
 def payload(knobs: Knobs) -> dict[str, Any]:
-    """What each setting of the knobs shows; equal texts are there once."""
+    """The view of each setting of the knobs; equal texts are stored once."""
     texts: dict[str, int] = {}
     views = {_key(rule): _view(decided, texts) for rule, decided in knobs.tables.items()}
     return {

@@ -14,7 +14,7 @@ from lfobench.score import Statistic
 from lfobench.stats.highlight import Rule
 
 FOLDER = "reproduction"
-"""Where the commands put their records: a new folder, or they would find everything done."""
+"""Folder of the commands' records: a new one, or they would find everything done."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def knob_options(rule: Rule) -> str:
 
 @dataclass(frozen=True)
 class _Conditions:
-    """What one ``lfobench run`` holds fixed."""
+    """Conditions that one ``lfobench run`` holds fixed."""
 
     suite: str
     source: str

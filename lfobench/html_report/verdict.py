@@ -18,7 +18,7 @@ from lfobench.tables.table import Column, Row, Table
 from lfobench.text import counted, short_number
 
 REPLICATES = 10_000
-"""Of every bootstrap in the page; the ends of its intervals vary in the last digit shown."""
+"""Replicates of every bootstrap in the page; the ends of its intervals vary in the last digit shown."""
 
 BOOTSTRAP = f"the {LEVEL:.0%} interval of a bootstrap stratified by task, {REPLICATES:,} replicates, where these differ"
 
@@ -107,7 +107,7 @@ def sentence(table: Table) -> str:
 
 
 def how(table: Table) -> str:
-    """The test behind the words, and what undecided means."""
+    """The test behind better and worse, and the meaning of undecided."""
     rule = table.rule
     tested = sum(row.p is not None for _, row in table.rows())
     family = f"the {counted(tested, 'task')} tested"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from lfobench.errors import UserError
-from lfobench.plots.figure import plain
+from lfobench.plots.figure import one_line
 from lfobench.record import Record
 from lfobench.score import SUCCESS_RATE
 from lfobench.tables.footnote import STATISTICS
@@ -18,7 +18,7 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Compared:
-    """Methods on the tasks that they share; other tasks would favour whoever was spared them.
+    """Methods on the tasks that they share; other tasks would favour the methods that lack them.
 
     Attributes:
         scores: the scores over seeds ``[n]`` of each task, by column.
@@ -42,7 +42,7 @@ def run_columns(table: Table) -> tuple[Column, ...]:
 
 
 def run_cells(table: Table, row: Row) -> dict[Column, Cell]:
-    """The cells of a row that runs stand behind, failed ones included."""
+    """The cells of a row that show runs, failed ones included."""
     return {
         column: cell
         for column, cell in zip(table.columns, row.cells, strict=True)
@@ -93,24 +93,24 @@ DEMONSTRATION = "Dotted: the demonstration that the methods observe."
 
 
 def score_label(table: Table) -> str:
-    """What an axis of scores is called."""
+    """Label of an axis of scores."""
     return "success rate in %" if table.success_rates else "normalised score"
 
 
-def score_words(table: Table) -> str:
-    """What a score is: a sentence without its full stop."""
+def score_sentence(table: Table) -> str:
+    """Definition of a score: a sentence without its full stop."""
     if table.success_rates:
         return "The score is the success rate in per cent"
     return "The score is the normalised return, 100 · (return − random) / (expert − random)"
 
 
 def ends(table: Table) -> str:
-    """What the scores 0 and 100 stand for."""
+    """Meaning of the scores 0 and 100."""
     return "no success and nothing but successes" if table.success_rates else "random actions and the expert"
 
 
 def references(table: Table) -> str:
-    """What the thin lines of a panel are."""
+    """Explanation of the thin lines of a panel."""
     return f"Lines at 0 and 100 are {ends(table)}."
 
 
@@ -119,23 +119,23 @@ def fewer_starts(table: Table, records: Sequence[Record]) -> str:
     further = any(record.further for record in records if record.status == "finished")
     if table.statistic != SUCCESS_RATE or not further:
         return ""
-    return "Evaluations during training are of the fixed test starts alone; a run's score counts further starts too."
+    return "Evaluations during training are of the fixed test starts; a run's score counts the final evaluation too."
 
 
 def run_score(table: Table) -> str:
-    """What the score of one run is."""
+    """Definition of the score of one run."""
     counted = STATISTICS[table.statistic.name].format(step=table.statistic.step)
-    return f"{score_words(table)}; each run counts as the {counted}."
+    return f"{score_sentence(table)}; each run counts as the {counted}."
 
 
 def caption(*sentences: str, table: Table) -> str:
     """`sentences`, then how many seeds, which of them diverged or failed, the protocol and the source."""
     known = [f"{note.label}: {note.text}" for note in table.notes if note.label in ("Protocol", "Source")]
-    return plain(" ".join(filter(None, [*sentences, *_seeds(table), *known])))
+    return one_line(" ".join(filter(None, [*sentences, *_seeds(table), *known])))
 
 
 def shared_tasks(compared: Compared) -> str:
-    """How many tasks a comparison rests on, and which it leaves out."""
+    """Number of tasks in a comparison, and the tasks that it leaves out."""
     count = len(compared.tasks)
     text = f"Over {count} {'task' if count == 1 else 'tasks'}"
     if compared.left_out:

@@ -42,8 +42,8 @@ from lfobench.plots.figure import (
     PaperFigure,
     legend,
     looks,
+    one_line,
     panels,
-    plain,
     reference_lines,
     score_limits,
     style,
@@ -61,7 +61,7 @@ MAP = LinearSegmentedColormap.from_list("improvement", ["#F2C14E", "#FAFAFA", "#
 _DIAGONAL = "#d0d0d0"
 _CELL_HEIGHT = 0.36
 _EDGES = 0.2
-"""Inches beside the matrix that are neither cells nor names."""
+"""Inches of the width that are neither cells nor names."""
 
 
 def improvement(table: Table, width: float = WIDTHS["column"]) -> PaperFigure:
@@ -77,7 +77,7 @@ def improvement(table: Table, width: float = WIDTHS["column"]) -> PaperFigure:
     compared = compare(table)
     columns = compared.columns
     if len(columns) < 2:
-        raise UserError("A probability of improvement needs two methods; there is one.", "Run another beside it.")
+        raise UserError("A probability of improvement needs two methods; there is one.", "Run another.")
     found: dict[tuple[int, int], Estimate] = {}
     for first, second in combinations(range(len(columns)), 2):
         estimate = probability_of_improvement(compared.scores[columns[first]], compared.scores[columns[second]], LEVEL)
@@ -85,11 +85,11 @@ def improvement(table: Table, width: float = WIDTHS["column"]) -> PaperFigure:
     with style():
         rows = [wrapped(column.label, LABEL_SIZE, width / 4.0) for column in columns]
         across = (width - max(text_width(label, LABEL_SIZE) for label in rows) - _EDGES) / len(columns)
-        upright = max(text_width(plain(column.label), LABEL_SIZE) for column in columns) > across
+        upright = max(text_width(one_line(column.label), LABEL_SIZE) for column in columns) > across
         # An upright heading has the room that its cell is wide; the rows have the same names in the same order.
         lines = max(1, int(across / text_height("", LABEL_SIZE)))
         heads = [
-            wrapped(column.label, LABEL_SIZE, width / 4.0, lines) if upright else plain(column.label)
+            wrapped(column.label, LABEL_SIZE, width / 4.0, lines) if upright else one_line(column.label)
             for column in columns
         ]
         above = max(text_width(head, LABEL_SIZE) if upright else text_height(head, LABEL_SIZE) for head in heads)
@@ -178,7 +178,7 @@ def profiles(table: Table, width: float = WIDTHS["column"], methods: Sequence[st
     counted = [score for tasks in compared.scores.values() for task in tasks for score in task]
     low, high = min(RANDOM, *counted), max(EXPERT, *counted)
     margin = 0.03 * (high - low)
-    # Below a method's lowest score its line is at 1; between two scores it does not change.
+    # A profile is a step function that changes at the scores.
     found = {
         column: performance_profile(
             tasks, [low - margin, *np.unique(np.concatenate(tasks)), high + margin], LEVEL, _REPLICATES
@@ -278,8 +278,8 @@ def ranking(table: Table, width: float = WIDTHS["column"], methods: Sequence[str
 def _friedman(p: float | None) -> str:
     if p is None:
         return ""
-    said = f"Friedman's test that all methods rank alike: p = {p:.2g}"
-    return f"{said}." if p < _ALPHA else f"{said}; it is not rejected, so no difference of ranks is supported."
+    text = f"Friedman's test that all methods rank alike: p = {p:.2g}"
+    return f"{text}." if p < _ALPHA else f"{text}; it is not rejected, so no difference of ranks is supported."
 
 
 def _diagram(
@@ -294,13 +294,13 @@ def _diagram(
     shown = [
         f"{wrapped(label, LABEL_SIZE, width / 4.0)}  {rank:.2f}" for label, rank in zip(labels, ranks, strict=True)
     ]
-    side = max(text_width(text, LABEL_SIZE) for text in shown) + 2 * _MARGIN
+    margin = max(text_width(text, LABEL_SIZE) for text in shown) + 2 * _MARGIN
     count = len(ranks)
     line = max(text_height(text, LABEL_SIZE) for text in shown) + _GAP
     first = _AXIS + 0.12 + _BAR * len(bars) + line / 2.0
     half = math.ceil(count / 2)
     order = [int(method) for method in np.argsort(ranks, kind="stable")]
-    # Ranks tied across the two sides would meet in one point; half a line keeps them apart.
+    # Ranks tied between the left and the right half would meet in one point; half a line separates them.
     lower = line / 2.0 if ranks[order[half]] - ranks[order[half - 1]] < 0.25 else 0.0
     figure = PaperFigure(width, first + (half - 0.5) * line + lower + _MARGIN, layout=None)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -311,7 +311,7 @@ def _diagram(
     longest = max(count - 1.0, difference)
 
     def at(rank: float) -> float:
-        return side + (rank - 1.0) / longest * (width - 2.0 * side)
+        return margin + (rank - 1.0) / longest * (width - 2.0 * margin)
 
     _scale(axes, at, count, difference)
     for level, members in enumerate(bars):
@@ -327,7 +327,7 @@ def _diagram(
     for place, method in enumerate(order):
         left = place < half
         height = first + place * line if left else first + lower + (count - 1 - place) * line
-        end = side - _MARGIN / 2.0 if left else at(float(count)) + _MARGIN / 2.0
+        end = margin - _MARGIN / 2.0 if left else at(float(count)) + _MARGIN / 2.0
         _method(axes, at(float(ranks[method])), end, height, shown[method], looks_of[method])
     return figure
 

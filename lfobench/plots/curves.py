@@ -19,7 +19,7 @@ from lfobench.plots.captions import (
     references,
     run_columns,
     score_label,
-    score_words,
+    score_sentence,
 )
 from lfobench.plots.figure import (
     INK,
@@ -42,7 +42,7 @@ from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.table import Column, Table
 
 DIVERGED_SCORE = 0.0
-"""What a seed counts as from its divergence on, as in a table."""
+"""Score of a seed from its divergence on, as in a table."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def _end(record: Record) -> int:
 
 
 _BAND_FROM = 3
-"""Seeds from which on a band is drawn; of fewer, every seed is a thin line beside their mean."""
+"""Seeds from which on a band is drawn; of fewer, every seed is a thin line."""
 
 _PANEL_HEIGHT = 1.1
 
@@ -171,7 +171,7 @@ def curves(
             f"A cross marks the step of a divergence, from which on the seed counts as {DIVERGED_SCORE:.0f}."
             if diverged
             else "",
-            f"{score_words(table)}. {references(table)}",
+            f"{score_sentence(table)}. {references(table)}",
             fewer_starts(table, records),
             DEMONSTRATION if known else "",
             table=table,

@@ -12,7 +12,7 @@ from lfobench.plots.figure import LABEL_SIZE, REFERENCE_GREY, SMALL_SIZE, PaperF
 MOST_DETAILED = 2_000
 """Marks beyond this number are drawn as an image, so that a .pdf of 45,000 episodes stays small."""
 _PANEL, _LEGEND, _MARGIN = 1.05, 0.35, 0.05
-"""Inches: height of a panel, of what lies below the last one, and beside the text."""
+"""Inches: height of a panel, of the legend below the last one, margin of the text."""
 
 
 def episodes(found: Diagnosis, name: str, width: float) -> PaperFigure:
@@ -20,15 +20,15 @@ def episodes(found: Diagnosis, name: str, width: float) -> PaperFigure:
     shown = {"steps": found.lengths} | ({"return": found.returns} if found.returns else {})
     with style():
         text = width - 3 * _MARGIN
-        title, told = wrapped(name, LABEL_SIZE, text, 2), wrapped(summary(found), SMALL_SIZE, text, 5)
+        title, subtitle = wrapped(name, LABEL_SIZE, text, 2), wrapped(summary(found), SMALL_SIZE, text, 5)
         title_height = text_height(title, LABEL_SIZE) + _MARGIN / 2
-        head = title_height + text_height(told, SMALL_SIZE) + _MARGIN
+        head = title_height + text_height(subtitle, SMALL_SIZE) + _MARGIN
         height = head + _PANEL * len(shown) + _LEGEND
         figure = PaperFigure(width, height)
         figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, 1.0 - head / height))
-        for words, size, above in ((title, LABEL_SIZE, 0.0), (told, SMALL_SIZE, title_height)):
+        for line, size, above in ((title, LABEL_SIZE, 0.0), (subtitle, SMALL_SIZE, title_height)):
             place = (_MARGIN / width, 1.0 - (above + _MARGIN) / height)
-            figure.text(*place, words, fontsize=size, va="top", ha="left").set_in_layout(False)
+            figure.text(*place, line, fontsize=size, va="top", ha="left").set_in_layout(False)
         panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (label, values) in zip(panels, shown.items(), strict=True):
             _draw(axes, found, values)

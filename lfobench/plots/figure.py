@@ -90,7 +90,7 @@ _LINES: tuple[LineStyle, ...] = (
 
 @dataclass(frozen=True)
 class Look:
-    """What tells a method from the others: in colour by `colour`, in grey by `marker` and `line`."""
+    """Appearance of a method: `colour`, and for print in grey `marker` and `line`."""
 
     colour: str
     marker: str
@@ -198,7 +198,7 @@ LINE_SPACING = 1.2
 """Distance of two lines of text, in sizes of the text."""
 
 
-def plain(text: str) -> str:
+def one_line(text: str) -> str:
     """`text` on one line; characters that cannot be printed, which SVG does not allow, are escaped."""
     return harmless(" ".join(text.split()))
 
@@ -219,7 +219,7 @@ def text_height(text: str, size: float) -> float:
 
 def wrapped(text: str, size: float, inches: float, lines: int = 3) -> str:
     """`text` in at most so many `lines` of `inches`, broken at spaces and hyphens where it can be; the rest is cut."""
-    text = plain(text)
+    text = one_line(text)
     width = text_width(text, size)
     if width <= inches:
         return text
@@ -246,7 +246,7 @@ def panels(
     down = math.ceil(len(titles) / across)
     across = math.ceil(len(titles) / down)
     inches = (width - _LABELS_INCHES) / across
-    # Where axes are not shared, the labels of each take room beside it.
+    # Where axes are not shared, each has labels of its own.
     room = inches - 0.1 - (0.0 if share_y else _LABELS_INCHES)
     headings = [wrapped(title, LABEL_SIZE, room) for title in titles]
     title_height = max(text_height(heading, LABEL_SIZE) for heading in headings)
@@ -259,7 +259,7 @@ def panels(
         axes.remove()
     for index, (axes, heading) in enumerate(zip(cells, headings, strict=False)):
         axes.set_title(heading)
-        # Nothing lies below the last panel of a column, even where the grid goes on beside it.
+        # The last panel of a column has tick labels, even where other columns are longer.
         if index + across >= len(titles):
             axes.tick_params(labelbottom=True)
     return figure, cells[: len(titles)]

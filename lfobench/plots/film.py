@@ -19,8 +19,8 @@ from PIL import Image
 
 from lfobench.contract.suite import Scene
 from lfobench.errors import UserError
-from lfobench.plots.figure import INK, PAPER, REFERENCE_GREY, plain, style, wrapped
-from lfobench.plots.scene import Seen, draw_table, outcome_looks, whole_table
+from lfobench.plots.figure import INK, PAPER, REFERENCE_GREY, one_line, style, wrapped
+from lfobench.plots.scene import Episode, draw_table, outcome_looks, whole_table
 
 Picture = NDArray[np.uint8]
 """Red, green and blue ``[height, width, 3]``."""
@@ -30,17 +30,17 @@ _WIDTH, _HEADER, _BLOCK = 800, 52, 16
 
 _DPI, _TEXT_SIZE = 100, 10.5
 _HELD_SECONDS = 1.0
-"""The last picture of an episode stays so long."""
+"""Duration of the last picture of an episode."""
 
 _TRAIL_SECONDS = 1.0
-"""What the puck's trail shows of its past; the end-effector's shows all."""
+"""Length of the puck's trail; the end-effector's has no limit."""
 
 _EFFECTOR, _PUCK = "#0072B2", "#D55E00"
 
 
 @dataclass(frozen=True)
 class _Movable:
-    """What changes from picture to picture, in drawing order."""
+    """Artists that change from picture to picture, in drawing order."""
 
     effector_trail: Line2D
     puck_trail: Line2D
@@ -55,12 +55,12 @@ class Film:
 
     Args:
         scene: the table.
-        title: what stands above it.
+        title: the line above the picture.
         episodes: at least one.
         outcomes: known ones, whether or not they happen: they decide the colours.
     """
 
-    def __init__(self, scene: Scene, title: str, episodes: Sequence[Seen], outcomes: Iterable[str] = ()) -> None:
+    def __init__(self, scene: Scene, title: str, episodes: Sequence[Episode], outcomes: Iterable[str] = ()) -> None:
         self._episodes = episodes
         self.pictures_per_second = 1.0 / episodes[0].step_seconds
         held = round(_HELD_SECONDS * self.pictures_per_second)
@@ -95,7 +95,7 @@ class Film:
             self._figure.draw_artist(artist)
         return np.array(self._canvas.buffer_rgba())[..., :3]
 
-    def _move(self, episode: Seen, step: int) -> None:
+    def _move(self, episode: Episode, step: int) -> None:
         movable = self._movable
         movable.effector_trail.set_data(*episode.effector[: step + 1].T)
         movable.effector.center = tuple(episode.effector[step])
@@ -106,7 +106,7 @@ class Film:
             movable.puck.center = tuple(episode.puck[step])
         movable.time.set_text(f"start {episode.start:2d}  {step * episode.step_seconds:5.2f} s")
         over = step == len(episode.effector) - 1
-        movable.outcome.set_text(plain(episode.outcome) if over else "")
+        movable.outcome.set_text(one_line(episode.outcome) if over else "")
         movable.outcome.set_color(self._looks[episode.outcome].colour)
 
 

@@ -1,4 +1,4 @@
-"""Paths of the end-effector from above: demonstrations beside the episodes of each method."""
+"""Paths of the end-effector from above: demonstrations, and the episodes of each method."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from lfobench.plots.captions import caption
 from lfobench.plots.figure import INK, PAPER, REFERENCE_GREY, WIDTHS, Look, PaperFigure, legend, style
 from lfobench.plots.scene import (
     BAR_INCHES,
+    Episode,
     Panel,
     Points,
-    Seen,
-    around,
     colour_bar,
     disc_handle,
     draw_table,
-    names,
+    limits_around,
     outcome_looks,
+    policies_shown,
     scene_handles,
     table_panels,
+    titles,
     whole_table,
-    whose,
 )
 from lfobench.record import SUCCESS
 from lfobench.tables.table import Table
 
 _MOST_POINTS = 2_500
-"""Points of demonstrations in one panel; more are a blot and a large file."""
+"""Points of demonstrations in one panel; more are unreadable, and a large file."""
 
 
 @dataclass(frozen=True)
 class Demonstrated(Panel):
-    """Panel of what the methods observe.
+    """Panel of demonstrations.
 
     Attributes:
         lines: ``[T, 2]`` through successive observed positions, in metres; a single transition is a short line.
@@ -57,11 +57,11 @@ class Demonstrated(Panel):
 class RolledOut(Panel):
     """Panel of one method's episodes."""
 
-    episodes: Sequence[Seen]
+    episodes: Sequence[Episode]
 
     @property
-    def told(self) -> str:
-        """How many of them succeeded."""
+    def detail(self) -> str:
+        """Successes out of episodes."""
         successes = sum(episode.outcome == SUCCESS for episode in self.episodes)
         return f"{successes}/{len(self.episodes)}"
 
@@ -72,7 +72,7 @@ def paths(
     width: float = WIDTHS["column"],
     outcomes: Iterable[str] = (),
 ) -> PaperFigure:
-    """One panel of the table per demonstration or method; every path ends in a marker that says how.
+    """One panel of the table per demonstration or method; the marker at the end of a path is its outcome.
 
     Args:
         panels: in reading order.
@@ -85,7 +85,7 @@ def paths(
     looks = outcome_looks([*shown, *outcomes])
     scenes = [panel.scene for panel in panels]
     with style():
-        figure, axes = table_panels(panels, width, around(scenes, _all_points(panels)))
+        figure, axes = table_panels(panels, width, limits_around(scenes, _all_points(panels)))
         for cell, panel in zip(axes, panels, strict=True):
             draw_table(cell, panel.scene)
             if isinstance(panel, RolledOut):
@@ -104,8 +104,8 @@ def paths(
             if any(disc.role == "obstacle" for scene in scenes for disc in scene.discs)
             else "",
             "A ring of its size is where the puck then was." if any(scene.puck_radius for scene in scenes) else "",
-            whose(table),
-            *_told(panels),
+            policies_shown(table),
+            *_outcome_counts(panels),
             table=table,
         )
     )
@@ -133,7 +133,7 @@ def _shown(panel: Demonstrated) -> list[Points]:
     return shown
 
 
-def _draw_episode(axes: Axes, episode: Seen, look: Look) -> None:
+def _draw_episode(axes: Axes, episode: Episode, look: Look) -> None:
     path = episode.effector
     axes.plot(path[:, 0], path[:, 1], color=look.colour, linestyle=look.line, linewidth=0.9, zorder=1.0)
     axes.plot(path[0, 0], path[0, 1], "o", color=REFERENCE_GREY, markersize=2.6, markerfacecolor=PAPER, zorder=1.5)
@@ -149,7 +149,7 @@ def _draw_episode(axes: Axes, episode: Seen, look: Look) -> None:
     )
 
 
-def _draw_puck(axes: Axes, episode: Seen, radius: float | None, look: Look) -> None:
+def _draw_puck(axes: Axes, episode: Episode, radius: float | None, look: Look) -> None:
     if episode.puck is not None and radius is not None:
         place = (float(episode.puck[-1, 0]), float(episode.puck[-1, 1]))
         axes.add_patch(Circle(place, radius, facecolor="none", edgecolor=look.colour, linewidth=0.7, zorder=0.9))
@@ -159,9 +159,9 @@ def _handle(look: Look) -> Line2D:
     return Line2D([], [], color=look.colour, linestyle=look.line, marker=look.marker)
 
 
-def _told(panels: Sequence[Demonstrated | RolledOut]) -> Iterator[str]:
-    """How the episodes of every panel ended, the most frequent first; and which demonstrations are left out."""
-    for name, panel in zip(names(panels), panels, strict=True):
+def _outcome_counts(panels: Sequence[Demonstrated | RolledOut]) -> Iterator[str]:
+    """Outcomes of every panel, the most frequent first; and the demonstrations that are left out."""
+    for name, panel in zip(titles(panels), panels, strict=True):
         if isinstance(panel, RolledOut):
             counts = Counter(episode.outcome for episode in panel.episodes)
             yield f"{name}: {', '.join(f'{count} {outcome}' for outcome, count in counts.most_common())}."
@@ -170,7 +170,7 @@ def _told(panels: Sequence[Demonstrated | RolledOut]) -> Iterator[str]:
 
 
 _SPACING = 0.01
-"""Metres between two points at which a method is asked."""
+"""Spacing of the grid in metres."""
 
 _PANELS = {WIDTHS["column"]: (1.1, 8), WIDTHS["page"]: (1.35, 6)}
 """Inches that a panel needs, and points from one arrow to the next, in figures of at least this width."""
@@ -194,7 +194,7 @@ class Field(Panel):
 
 
 def field_points(scene: Scene) -> Points:
-    """Where in the workspace a method is asked: positions ``[n_y, n_x, 2]`` in metres."""
+    """Grid of the workspace: positions ``[n_y, n_x, 2]`` in metres."""
     x, y = (_axis(*extent) for extent in scene.workspace)
     return np.stack(np.meshgrid(x, y), axis=-1)
 
@@ -213,7 +213,7 @@ def field(panels: Sequence[Field], table: Table, width: float = WIDTHS["column"]
     scenes = [panel.scene for panel in panels]
     narrowest, every = _PANELS[max((each for each in _PANELS if each <= width), default=min(_PANELS))]
     with style():
-        figure, axes = table_panels(panels, width, around(scenes, []), narrowest, BAR_INCHES)
+        figure, axes = table_panels(panels, width, limits_around(scenes, []), narrowest, BAR_INCHES)
         for cell, panel in zip(axes, panels, strict=True):
             draw_table(cell, panel.scene)
             _draw(cell, panel, norm, long, every)
@@ -223,7 +223,7 @@ def field(panels: Sequence[Field], table: Table, width: float = WIDTHS["column"]
         caption(
             "Field of actions from above: by how much, and where to, each method commands the end-effector to move. "
             "All arrows are to one scale; the ground is dark where they vanish.",
-            whose(table),
+            policies_shown(table),
             table=table,
         )
     )
@@ -276,11 +276,11 @@ _SHOWN = 8
 class Hit(Panel):
     """Panel of one episode with a puck."""
 
-    episode: Seen
+    episode: Episode
 
     @property
-    def told(self) -> str:
-        """How it ended."""
+    def detail(self) -> str:
+        """Its outcome."""
         return self.episode.outcome
 
 
@@ -311,7 +311,7 @@ def hitting(panels: Sequence[Hit], table: Table, width: float = WIDTHS["column"]
         caption(
             f"Episodes from above, shaded by time: the puck (filled) and the end-effector (rings) every {every:g} s "
             "and at the end, to scale, and their paths between; a title says how the episode ended.",
-            whose(table),
+            policies_shown(table),
             table=table,
         )
     )

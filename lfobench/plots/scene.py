@@ -1,4 +1,4 @@
-"""Panels of tables seen from above: which belong together, what is in view, and how they are called."""
+"""Panels of tables from above: their grid, limits, titles and what is on the table."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Points = NDArray[np.floating[Any]]
 """Positions ``[T, 2]`` in metres."""
 
 
-class Seen(Protocol):
+class Episode(Protocol):
     """An episode of T steps from above: positions ``[T + 1, 2]`` in metres."""
 
     @property
@@ -36,22 +36,22 @@ class Seen(Protocol):
 
     @property
     def step_seconds(self) -> float:
-        """How long a step takes."""
+        """Seconds of a step."""
         ...
 
     @property
     def effector(self) -> Points:
-        """Of the end-effector."""
+        """Positions of the end-effector."""
         ...
 
     @property
     def puck(self) -> Points | None:
-        """Of the puck, where there is one."""
+        """Positions of the puck, where there is one."""
         ...
 
     @property
     def outcome(self) -> str:
-        """How it ended, in the environment's words."""
+        """Its end, named by the environment."""
         ...
 
 
@@ -67,14 +67,14 @@ def outcome_looks(outcomes: Iterable[str]) -> dict[str, Look]:
     return {SUCCESS: look(0)} | {name: look(slot) for name, slot in zip(failures, slots, strict=True)}
 
 
-def whose(table: Table) -> str:
-    """Whose policies a picture shows, for its caption."""
+def policies_shown(table: Table) -> str:
+    """Seeds of the policies that a picture shows, for its caption."""
     seeds = sorted({seed for _, row in table.rows() for cell in run_cells(table, row).values() for seed in cell.seeds})
     return f"Policies at the end of training, seed {', '.join(map(str, seeds))}."
 
 
 BAR_INCHES = 0.6
-"""What a colour bar at the right takes."""
+"""Width of a colour bar at the right."""
 
 _PANEL_INCHES = 1.35
 """A narrower panel would be hard to read."""
@@ -83,15 +83,15 @@ _LABELS_INCHES = 0.45
 _MARGIN = 0.02
 
 Limits = tuple[float, float, float, float]
-"""What is in view: lowest and highest x, lowest and highest y, in metres."""
+"""Limits of a panel: lowest and highest x, lowest and highest y, in metres."""
 
 
 def whole_table(scene: Scene) -> Limits:
-    """Everything, and a little beyond."""
+    """The whole table, and a margin."""
     return scene.x[0] - _MARGIN, scene.x[1] + _MARGIN, scene.y[0] - _MARGIN, scene.y[1] + _MARGIN
 
 
-def around(scenes: Iterable[Scene], points: Iterable[Points]) -> Limits:
+def limits_around(scenes: Iterable[Scene], points: Iterable[Points]) -> Limits:
     """The part of the tables that holds all workspaces, discs and `points`, and the full breadth."""
     lengths = []
     for scene in scenes:
@@ -121,38 +121,38 @@ class Panel:
     scene: Scene
 
     @property
-    def told(self) -> str:
-        """What its title says beside task and label."""
+    def detail(self) -> str:
+        """Text in its title after task and label."""
         return ""
 
 
-def names(panels: Sequence[Panel]) -> list[str]:
-    """What the panels are called; the task is named where there are several."""
+def titles(panels: Sequence[Panel]) -> list[str]:
+    """Titles of the panels; the task is part of them where there are several."""
     several = len({panel.task for panel in panels}) > 1
     return [f"{panel.task} {panel.label}" if several else panel.label for panel in panels]
 
 
 def table_panels(
-    panels: Sequence[Panel], width: float, limits: Limits, narrowest: float = _PANEL_INCHES, beside: float = 0.0
+    panels: Sequence[Panel], width: float, limits: Limits, narrowest: float = _PANEL_INCHES, bar_inches: float = 0.0
 ) -> tuple[PaperFigure, list[Axes]]:
     """A figure of `width` inches with axes of these limits for every panel, row by row.
 
     Args:
         panels: in reading order.
         width: inches.
-        limits: what is in view.
+        limits: of every panel.
         narrowest: inches that a panel needs.
-        beside: inches that are left to a colour bar at the right.
+        bar_inches: inches that are left to a colour bar at the right.
     """
-    room = width - _LABELS_INCHES - beside
+    available = width - _LABELS_INCHES - bar_inches
     aspect = (limits[3] - limits[2]) / (limits[1] - limits[0])
     blocks = [len(list(block)) for _, block in groupby(panels, lambda panel: panel.task)]
-    across = min(max(blocks), max(1, int(room / narrowest)))
+    across = min(max(blocks), max(1, int(available / narrowest)))
     across = math.ceil(max(blocks) / math.ceil(max(blocks) / across))
-    inches = room / across
+    inches = available / across
     headings = [
-        wrapped(f"{name}: {panel.told}" if panel.told else name, LABEL_SIZE, inches - 0.1)
-        for name, panel in zip(names(panels), panels, strict=True)
+        wrapped(f"{name}: {panel.detail}" if panel.detail else name, LABEL_SIZE, inches - 0.1)
+        for name, panel in zip(titles(panels), panels, strict=True)
     ]
     title_height = max(text_height(heading, LABEL_SIZE) for heading in headings) + 0.06
     down = sum(math.ceil(block / across) for block in blocks)
@@ -184,7 +184,7 @@ def table_panels(
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    """Round metres inside the view, and so far apart that their labels have room."""
+    """Round metres inside the limits, so far apart that their labels do not touch."""
     step = 0.2 if high - low < 0.7 else 0.3 if high - low < 1.0 else 0.5
     first = math.ceil((low + _MARGIN) / step)
     return [step * index for index in range(first, math.floor((high - _MARGIN) / step) + 1)]
@@ -193,7 +193,7 @@ def _ticks(low: float, high: float) -> list[float]:
 def colour_bar(
     figure: PaperFigure, axes: Sequence[Axes], norm: Normalize, colours: Colormap, label: str, beyond: bool = False
 ) -> None:
-    """A bar at the right of all panels, in the room that `table_panels` left; `beyond`: there is more than it shows."""
+    """A bar at the right of all panels, in the space that `table_panels` left; `beyond`: values exceed its end."""
     extend = "max" if beyond else "neither"
     bar = figure.colorbar(
         ScalarMappable(norm, colours), ax=axes, extend=extend, aspect=30.0, pad=0.02, shrink=0.9, label=label
@@ -208,20 +208,20 @@ _EDGE, _ARROW = 0.06, 0.1
 
 
 def draw_table(axes: Axes, scene: Scene, downhill: str = "") -> None:
-    """The table, the workspace, what stands on it, and an arrow downhill, which may have a name."""
+    """The table, the workspace, the discs on it, and an arrow downhill, which may have a name."""
     axes.add_patch(_rectangle(scene.x, scene.y, facecolor=TABLE, edgecolor=INK, linewidth=0.8, zorder=0.0))
     axes.add_patch(
         _rectangle(*scene.workspace, facecolor=WORKSPACE, edgecolor=REFERENCE_GREY, linewidth=0.5, zorder=0.1)
     )
     for disc in scene.discs:
         _draw_disc(axes, disc, scene.effector_radius)
-    # Along the upper edge, where least happens.
+    # Along the upper edge, where paths are rare.
     height = (scene.y[1] + max(scene.workspace[1][1], scene.y[1] - _EDGE)) / 2.0
     middle = (max(scene.x[0], axes.get_xlim()[0]) + min(scene.x[1], axes.get_xlim()[1])) / 2.0
     low, high = (middle + scene.downhill * _ARROW, height), (middle - scene.downhill * _ARROW, height)
     shape = {"arrowstyle": "->", "color": REFERENCE_GREY, "linewidth": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
-    side = "left" if scene.downhill < 0 else "right"
-    axes.annotate(downhill, low, high, arrowprops=shape, color=REFERENCE_GREY, va="center", ha=side, zorder=0.6)
+    alignment = "left" if scene.downhill < 0 else "right"
+    axes.annotate(downhill, low, high, arrowprops=shape, color=REFERENCE_GREY, va="center", ha=alignment, zorder=0.6)
 
 
 def scene_handles(scenes: Sequence[Scene]) -> list[tuple[Line2D, str]]:

@@ -49,7 +49,7 @@ class Strata:
 
     @property
     def starts(self) -> NDArray[np.int64]:
-        """Where each task begins in `values`, ``[K]``."""
+        """First index of each task in `values`, ``[K]``."""
         return np.cumsum(self.sizes) - self.sizes
 
     @property
@@ -125,7 +125,8 @@ def bootstrap(
         raise ValueError(f"A bootstrap needs at least one replicate; got {replicates}.")
     block = max(1, draws_at_once // sum(pool.values.size for pool in pools))
     streams = [
-        resample(pool.sizes, replicates, np.random.default_rng([seed, side]), block) for side, pool in enumerate(pools)
+        resample(pool.sizes, replicates, np.random.default_rng([seed, index]), block)
+        for index, pool in enumerate(pools)
     ]
     return np.concatenate([statistic(*counts) for counts in zip(*streams, strict=True)])
 

@@ -1,4 +1,4 @@
-"""What a published table's own numbers say about its highlights."""
+"""Audit of a published table: whether its highlights follow from its own numbers."""
 
 from __future__ import annotations
 
@@ -92,12 +92,12 @@ class AuditedRow:
         name: of the row.
         printed: the methods that the table highlights; None where it marks none of them, by 1 or by 0.
         ruled: the methods that the rule highlights.
-        outcome: what the rule says of best against second best.
+        outcome: of best against second best.
         p: two-sided p-value of best against second best, a spread printed as 0 taken for the largest that prints so;
             None where there was no test.
         p_range: the smallest and the largest p that spreads give which print as these, with the means as printed; None
             likewise.
-        decided: whether all of those are on one side of the rule's level.
+        decided: whether the rule's level lies outside that range.
         holm: `p` adjusted by Holm over the rows tested.
         bh: `p` adjusted by Benjamini and Hochberg.
     """
@@ -122,7 +122,7 @@ class AuditedRow:
         return {"none": self.p, "holm": self.holm, "bh": self.bh}[correction]
 
     def survives(self, adjusted_p: float | None, alpha: float) -> bool:
-        """Whether best and second best are told apart, and still are by `adjusted_p`."""
+        """Whether best and second best differ significantly, by `adjusted_p` too."""
         return self.decided and self.p is not None and adjusted_p is not None and max(self.p, adjusted_p) < alpha
 
 
@@ -217,7 +217,7 @@ def audit_means(table: TableOfMeans, compared: Sequence[str], rule: Rule, n_valu
 
 
 def printed_highlights(cells: Mapping[str, bool | None]) -> frozenset[str] | None:
-    """The highlighted methods; None where nothing is said of any."""
+    """The highlighted methods; None where no cell is marked."""
     if all(highlighted is None for highlighted in cells.values()):
         return None
     return frozenset(method for method, highlighted in cells.items() if highlighted)
@@ -257,9 +257,9 @@ def _p_range(row: PublishedRow[PrintedMean], samples: Mapping[str, Sample], rule
     return max(low for low, _ in ranges), max(high for _, high in ranges)
 
 
-def _p_range_of(rule: Rule, *sides: tuple[PrintedMean, Summary]) -> tuple[float, float]:
+def _p_range_of(rule: Rule, *pair: tuple[PrintedMean, Summary]) -> tuple[float, float]:
     """Over a grid: Welch's p need not grow with a spread, which adds degrees of freedom too."""
-    (one, first), (two, second) = sides
+    (one, first), (two, second) = pair
     assert one.spreads is not None and two.spreads is not None
     found = [
         p
@@ -308,7 +308,7 @@ def _reproducing(table: TableOfMeans, compared: Sequence[str], rule: Rule) -> tu
 
 
 def _at_their_word(table: TableOfMeans) -> TableOfMeans:
-    """The table without what its cells say of n, for a reader who says it."""
+    """The table without the n that its cells state, for a reader who states one."""
     rows = tuple(
         PublishedRow(row.place, {method: replace(cell, n=None) for method, cell in row.cells.items()})
         for row in table.rows
@@ -324,7 +324,7 @@ _TESTS: dict[CountTest, Callable[[int, int, int, int], float]] = {"fisher": fish
 
 @dataclass(frozen=True)
 class CountsRule:
-    """How success rates are compared: best against second best of a row."""
+    """Rule for success rates: best against second best of a row."""
 
     test: CountTest = "fisher"
     correction: Correction = "none"
@@ -340,7 +340,7 @@ class AuditedCounts:
         printed: the methods that the table highlights; None where it marks none of them, by 1 or by 0.
         best: the methods with the largest rate.
         intervals: Wilson's 95 % interval per method.
-        outcome: what the rule says of the best against the second best; level ones are never told apart.
+        outcome: of best against second best; methods that are level are undecided.
         p: two-sided p-value of best against second best; None where there is nothing to compare.
         holm: `p` adjusted by Holm over the rows tested.
         bh: `p` adjusted by Benjamini and Hochberg.
@@ -405,7 +405,7 @@ def audit_counts(table: TableOfCounts, compared: Sequence[str], rule: CountsRule
 
 
 def _p_value(cells: Mapping[str, PrintedCount], test: CountTest) -> float | None:
-    """Of the best against the second best, the largest of those that share second place."""
+    """p of the best against the second best, the largest of those that share second place."""
     if len(cells) < 2:
         return None
     best = max(cells, key=lambda method: rate(cells[method]))

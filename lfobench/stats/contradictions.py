@@ -1,4 +1,4 @@
-"""Where a published table contradicts itself, found from its numbers alone.
+"""Contradictions of a published table, found from its numbers alone.
 
 Reference for means that no sample of the stated size can have: N. J. L. Brown, J. A. J. Heathers, "The GRIM test: a
 simple technique detects numerous anomalies in the reporting of results in psychology", Social Psychological and
@@ -38,7 +38,7 @@ class Contradiction:
 
 
 def contradictions_of_highlights(table: PublishedTable[PrintedCell]) -> list[Contradiction]:
-    """Highlights that no rule of best and second best gives, whatever its test, among those whom the paper compares."""
+    """Highlights that no rule of best and second best gives, whatever its test, among the methods compared."""
     compared = table.compared or table.methods
     return [
         Contradiction(row.name, text)
@@ -50,7 +50,7 @@ def contradictions_of_highlights(table: PublishedTable[PrintedCell]) -> list[Con
 def contradictions_of_means(table: TableOfMeans, n_values: Sequence[int]) -> list[Contradiction]:
     """Stated numbers of samples that differ, and numbers that samples of that size cannot have.
 
-    `n_values` are the sizes to hold the numbers against; a cell that states its own is held against that.
+    `n_values` are the sizes to check the numbers against; a cell that states its own is checked against that.
     """
     found = []
     if len({claim.n for claim in table.claims}) > 1:
@@ -64,7 +64,7 @@ def contradictions_of_means(table: TableOfMeans, n_values: Sequence[int]) -> lis
 
 
 def rate(cell: PrintedMean | PrintedCount) -> float:
-    """What a highlight goes by: the mean, or the success rate."""
+    """Quantity that a highlight ranks by: the mean, or the success rate."""
     return cell.mean if isinstance(cell, PrintedMean) else cell.successes / cell.trials
 
 
@@ -75,7 +75,7 @@ def _highlights(cells: dict[str, PrintedCell]) -> Iterator[str]:
     if len(cells) < 2:
         yield f"{highlighted[0]} is highlighted without a competitor"
         return
-    # Those that no rule speaks of, with neither 1 nor 0, cannot be passed over.
+    # Cells marked neither 1 nor 0 take no part.
     cells = {method: cell for method, cell in cells.items() if cell.highlighted is not None}
     places = sorted({rate(cell) for cell in cells.values()}, reverse=True)
     best = [method for method, cell in cells.items() if rate(cell) == places[0]]

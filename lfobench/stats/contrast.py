@@ -1,4 +1,4 @@
-"""One side against the other, cell by cell: a verdict for each, and one number over all of them.
+"""A subject compared with a reference, cell by cell: a verdict for each, and one number over all of them.
 
 The cells are many questions of one kind, so their p-values are corrected together: a gate over forty cells at level
 0.05 would raise two alarms in every run where nothing has changed.
@@ -38,7 +38,7 @@ from lfobench.stats.tests import PAIRED, Sample, counted, margin, p_value, witho
 Key = TypeVar("Key", bound=Hashable)
 
 Outcome: TypeAlias = Verdict | Literal["untested"]
-"""A verdict, or that there was no test: a side has a single score, which says nothing of its spread."""
+"""A verdict, or that there was no test: one of the two has a single score, from which no spread can be estimated."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Comparison:
 
     Attributes:
         subject: its scores.
-        reference: those that they are held against.
+        reference: scores to compare with.
         difference: mean of the subject minus mean of the reference, in points, or success rate minus success rate where
-            counts are compared; 0 where the sides are level.
-        interval: of the difference at level 1 - α, for this cell alone: Welch's, and None where a side has one seed; of
+            counts are compared; 0 where the two are level.
+        interval: of the difference at level 1 - α, for this cell alone: Welch's, and None where either has one seed; of
             success rates Newcombe's.
         p: two-sided p-value of the rule's test; None where there is no test.
         adjusted_p: `p` corrected over all cells tested.
@@ -88,7 +88,7 @@ class Aggregate(Generic[Key]):
 
 @dataclass(frozen=True)
 class Contrast(Generic[Key]):
-    """Every cell, and all of them together; `aggregate` is None where no cell has two seeds on both sides."""
+    """Every cell, and all of them together; `aggregate` is None where no cell has two seeds in both."""
 
     cells: Mapping[Key, Comparison]
     aggregate: Aggregate[Key] | None
@@ -121,7 +121,7 @@ def contrast(pairs: Mapping[Key, tuple[Sample, Sample]], rule: Rule, replicates:
 
 
 def scores_compared(test: HighlightTest, sample: Sample) -> int:
-    """How many scores of a sample a test looks at: start states where paired, episodes for `fisher`, else seeds."""
+    """Sample size of a test: start states where paired, episodes for `fisher`, else seeds."""
     if test == "fisher":
         return counted(sample).pooled.trials
     return len(sample.starts) if test in PAIRED else sample.summary.n
@@ -168,7 +168,7 @@ def _aggregate(pairs: Mapping[Key, tuple[Sample, Sample]], level: float, replica
     spread = {key: pair for key, pair in pairs.items() if min(len(sample.seeds) for sample in pair) > 1}
     if not spread:
         return None
-    subject, reference = ([pair[side].seeds for pair in spread.values()] for side in (0, 1))
+    subject, reference = ([pair[which].seeds for pair in spread.values()] for which in (0, 1))
     return Aggregate(
         tuple(spread),
         probability_of_improvement(subject, reference, level, replicates),
@@ -177,7 +177,7 @@ def _aggregate(pairs: Mapping[Key, tuple[Sample, Sample]], level: float, replica
 
 
 def _difference_of_interquartile_means(subject: Strata, reference: Strata, level: float, replicates: int) -> Estimate:
-    """With the percentile interval of the two sides' independent, stratified bootstraps."""
+    """The percentile interval is of two independent, stratified bootstraps."""
     one, two = interquartile_statistic(subject), interquartile_statistic(reference)
 
     def statistic(counts_one: Counts, counts_two: Counts) -> Values:

@@ -1,4 +1,4 @@
-"""Which numbers of a table are highlighted: the caption rule of the seed paper's Table 1, with its four knobs.
+"""Highlight rule: the caption rule of the seed paper's Table 1, with its four knobs.
 
 Sikchi, Chuck, Zhang, Niekum, "A Dual Approach to Imitation Learning from Observations with Offline
 Datasets", arXiv:2406.08805v2: among the methods that see no expert actions, the best and the second best mean
@@ -49,7 +49,7 @@ class Rule:
         test: between best and second best of a row; `fisher` compares success counts, every other test scores.
         scope: who competes: the methods without expert actions, or all.
         correction: for the number of rows tested.
-        alpha: level below which a p-value tells two methods apart.
+        alpha: level below which a p-value is significant.
     """
 
     test: HighlightTest = "welch"
@@ -67,10 +67,10 @@ class Highlight(Generic[Method]):
 
     Attributes:
         methods: whose numbers are highlighted.
-        outcome: `better`: the best stands out; `undecided`: the test cannot tell the best from the second
-            best; `untested`: there was no test, because one of them has fewer than two samples; `unopposed`: fewer
-            than two methods, so nobody won anything and nothing is highlighted; `all failed`: successes are counted
-            and there is none, so nothing is highlighted.
+        outcome: `better`: the best stands out; `undecided`: the best and the second best do not differ significantly;
+            `untested`: there was no test, because one of them has fewer than two samples; `unopposed`: fewer than two
+            methods, so nothing is highlighted; `all failed`: successes are counted and there is none, so nothing is
+            highlighted.
         best: the methods with the best mean, or success rate; two or more where they tie.
         p: two-sided p-value of best against second best; None where there was no test.
         adjusted_p: `p` corrected for the rows tested: as the rule says, by Holm where it says none.

@@ -114,8 +114,8 @@ def t_interval(summary: Summary, level: float = 0.95) -> Interval | None:
 def welch_interval(first: Summary, second: Summary, level: float = 0.95) -> Interval | None:
     """Welch's interval of ``first.mean - second.mean``, 0 where they are level; the variances may differ.
 
-    The interval at level 1 - α excludes 0 exactly when Welch's two-sided test has p < α. None when a side has
-    fewer than two samples. A spread of 0 on both sides gives a point.
+    The interval at level 1 - α excludes 0 exactly when Welch's two-sided test has p < α. None when either has
+    fewer than two samples. Two spreads of 0 give a point.
 
     Raises:
         ValueError: `level` is not strictly between 0 and 1.
@@ -130,7 +130,7 @@ def welch_interval(first: Summary, second: Summary, level: float = 0.95) -> Inte
 def satterthwaite(std_first: float, n_first: int, std_second: float, n_second: int) -> tuple[float, float]:
     """Standard error of a difference of means, and its approximate degrees of freedom.
 
-    With v = std² / n of each side: √(v₁ + v₂) and (v₁ + v₂)² / (v₁² / (n₁ - 1) + v₂² / (n₂ - 1)). Both sides need
+    With v = std² / n of each: √(v₁ + v₂) and (v₁ + v₂)² / (v₁² / (n₁ - 1) + v₂² / (n₂ - 1)). Both need
     two samples. Without any spread the degrees of freedom have no meaning, and are those of equal variances.
     """
     # Working in units of the larger spread keeps the fourth powers from underflowing.
@@ -161,8 +161,8 @@ class EquivalenceResult:
 
     Attributes:
         difference: first mean minus second.
-        interval: of the difference at level 1 - 2α, which lies inside the margin exactly when p < α; None when a
-            side has fewer than two samples.
+        interval: of the difference at level 1 - 2α, which lies inside the margin exactly when p < α; None when
+            either has fewer than two samples.
         p: the larger p-value of the two one-sided tests, or None as above. Small means equivalent.
         agreement: `matches`: the difference is shown to be smaller than the margin; `differs`: the means are shown
             to differ, and not to match; `undecided`: neither is shown.
@@ -178,7 +178,7 @@ def equivalence_test(first: Summary, second: Summary, margin: float, alpha: floa
     """Tests that two means differ by less than `margin`, in the samples' unit; variances may differ.
 
     A difference that is significant and yet shown to be smaller than the margin `matches`: the margin says which
-    differences are worth a word. Without any spread on both sides the limit of a shrinking spread decides: p is 0
+    differences matter. Where both have no spread the limit of a shrinking spread decides: p is 0
     inside the margin, 1 outside, 1/2 on it.
 
     Raises:

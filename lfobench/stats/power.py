@@ -1,4 +1,4 @@
-"""What a number of seeds can show: the power of Welch's t-test, and the seeds that an effect needs.
+"""Power of Welch's t-test, and the number of seeds that an effect needs.
 
 References:
     B. L. Welch, "The generalization of 'Student's' problem when several different population variances are
@@ -27,17 +27,17 @@ from lfobench.stats.tests import EXACT_RELABELLINGS, PAIRED, RANDOM_RELABELLINGS
 
 _STEP = 0.25
 _TAIL = 1e-10
-"""Of the quadrature over the ratio of variances: the power is off by less than 1e-8 for any two spreads."""
+"""Step and tail of the quadrature over the ratio of variances; the error of the power is below 1e-8."""
 
-_NO_OTHER_SIDE = 10.0
-"""Noncentrality from which on the test rejects on the wrong side with a probability below 1e-23."""
+_NO_OTHER_TAIL = 10.0
+"""Noncentrality from which on the test rejects in the wrong tail with a probability below 1e-23."""
 
 
 def power(effect: float, n: int, alpha: float = 0.05) -> float:
-    """Probability that Welch's two-sided test rejects, with `n` samples on each side and equal variances.
+    """Probability that Welch's two-sided test rejects, with `n` samples each and equal variances.
 
-    `effect` is the difference of the expectations over the common standard deviation (Cohen's d). One sample on
-    each side rejects nothing: power 0.
+    `effect` is the difference of the expectations over the common standard deviation (Cohen's d). One sample each
+    rejects nothing: power 0.
 
     Raises:
         ValueError: there is no sample, the effect is not finite, or α is not strictly between 0 and 1.
@@ -46,12 +46,12 @@ def power(effect: float, n: int, alpha: float = 0.05) -> float:
 
 
 def power_for(difference: float, std_first: float, std_second: float, n: int, alpha: float = 0.05) -> float:
-    """Power of Welch's two-sided test, with `n` normal samples on each side and these true standard deviations.
+    """Power of Welch's two-sided test, with `n` normal samples each and these true standard deviations.
 
     The degrees of freedom that Welch's test estimates depend on the ratio of the two sample variances alone. Given
     that ratio, the statistic times a constant is noncentral t with 2 n - 2 degrees of freedom, since the sum of the
     variances over their expectations is independent of the ratio; the power is the mean over the ratio, a quadrature
-    in one dimension. Few samples make it markedly smaller than Student's. Without any spread, every difference is seen.
+    in one dimension. Few samples make it markedly smaller than Student's. Without spread any difference has power 1.
 
     Raises:
         ValueError: there is no sample, a number is not finite, a standard deviation is negative, or α is not
@@ -59,7 +59,7 @@ def power_for(difference: float, std_first: float, std_second: float, n: int, al
     """
     check_probability("alpha", alpha)
     if n < 1:
-        raise ValueError(f"A test needs at least one sample on each side; got {n}.")
+        raise ValueError(f"A test needs at least one sample of each method; got {n}.")
     if not math.isfinite(difference) or not (0.0 <= std_first < math.inf and 0.0 <= std_second < math.inf):
         raise ValueError(f"Not an effect: {difference} with standard deviations {std_first} and {std_second}.")
     if n == 1:
@@ -78,14 +78,14 @@ def power_for(difference: float, std_first: float, std_second: float, n: int, al
     degrees = (n - 1) * (one + two) ** 2 / (one**2 + two**2)
     critical = stdtrit(degrees, 1.0 - alpha / 2.0) * np.sqrt(2.0 * (one + two) / (first + second))
     rejected = nct.sf(critical, 2 * n - 2, noncentrality)
-    if noncentrality < _NO_OTHER_SIDE:
+    if noncentrality < _NO_OTHER_TAIL:
         # The lower tail as the upper one of the mirrored variable: nct.cdf gives nan far out.
         rejected = rejected + nct.sf(critical, 2 * n - 2, -noncentrality)
     return min(1.0, float(weights @ rejected))
 
 
 def seeds_needed(effect: float, power: float = 0.8, alpha: float = 0.05, most: int = 1000) -> int | None:
-    """The fewest seeds per method with which an effect is seen with this power; None if that takes over `most`.
+    """The fewest seeds per method that detect an effect with this power; None if that takes over `most`.
 
     Raises:
         ValueError: the effect is not finite, or `power` or α is not strictly between 0 and 1.
@@ -148,9 +148,9 @@ def detectable_difference(std_first: float, std_second: float, n: int, power: fl
 
 @lru_cache(maxsize=256)
 def _variance_shares(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Nodes and weights for the first side's share of the two sample variances, each over its expectation.
+    """Nodes and weights for the first sample's share of the two variances, each over its expectation.
 
-    The share w of `n` normal samples on each side has the density of Beta((n - 1)/2, (n - 1)/2). The trapezoidal rule
+    The share w of `n` normal samples each has the density of Beta((n - 1)/2, (n - 1)/2). The trapezoidal rule
     over the logarithm of w / (1 - w) converges exponentially, however unequal the true variances are.
     """
     from scipy.special import expit, logit, polygamma
@@ -184,9 +184,9 @@ def smallest_p(test: HighlightTest, n: int, m: int) -> float | None:
     """The smallest two-sided p-value of `test` with n and m scores, or episodes for Fisher's; None where there is none.
 
     A t-test has none above 0. A test by relabelling counts at least the outcome itself among all of them, C(n+m, n)
-    over seeds and 2^n over n pairs; its mirror image too where the two sides have as many scores, as pairs do. Random
+    over seeds and 2^n over n pairs; its mirror image too where the two have as many scores, as pairs do. Random
     relabellings, beyond what can be listed, cannot show less than one of them. Fisher's test is one by relabelling
-    episodes: at best all of one side succeed and none of the other.
+    episodes: at best all of one method succeed and none of the other.
     """
     if test == "fisher":
         # Whole numbers, whose quotient may be smaller than any float, and then is 0.
@@ -223,7 +223,7 @@ BOUND = 0.8
 
 @dataclass(frozen=True)
 class Design:
-    """What is asked of the comparison.
+    """Requirements of the comparison.
 
     Attributes:
         effect: difference of two means that must not be missed, in points.
@@ -242,7 +242,7 @@ class Design:
     seeds: int
 
     def first_step(self, tasks: int) -> float:
-        """Level that the smallest of `tasks` p-values is held against when corrected.
+        """Level that the smallest of `tasks` p-values must pass when corrected.
 
         Under Benjamini and Hochberg too, unless other tasks differ as clearly.
         """
@@ -251,7 +251,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Figures:
-    """What two spreads mean for the design.
+    """Seeds needed and differences detectable, given two spreads.
 
     Attributes:
         std_first: standard deviation of the first method's scores, in points.
@@ -320,7 +320,7 @@ def std_interval(summary: Summary, level: float = 0.95) -> Interval | None:
 
 
 def std_bound(summary: Summary, confidence: float = BOUND) -> float | None:
-    """What the true standard deviation of normal scores lies below with this confidence; None for a single score.
+    """Upper bound of the true standard deviation of normal scores at this confidence; None for a single score.
 
     Raises:
         ValueError: `confidence` is not strictly between 0 and 1.
@@ -373,7 +373,7 @@ def _figures(
 
 @dataclass(frozen=True)
 class Cost:
-    """What is left to run.
+    """Cost of the runs that are left.
 
     Attributes:
         runs: how many runs.

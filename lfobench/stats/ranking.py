@@ -1,4 +1,4 @@
-"""Average ranks of methods over tasks, and which of them are told apart.
+"""Average ranks of methods over tasks, and which of them differ significantly.
 
 References:
     M. Friedman, "The use of ranks to avoid the assumption of normality implicit in the analysis of variance",
@@ -56,7 +56,7 @@ def friedman_test(scores: NDArray[np.float64]) -> float | None:
 
 
 def critical_difference(methods: int, tasks: int, alpha: float = 0.05) -> float:
-    """How far two average ranks must lie apart for Nemenyi's test to tell the methods apart, at level α for all pairs.
+    """Difference of two average ranks that is significant by Nemenyi's test, at level α for all pairs.
 
     ``q_α √(k (k + 1) / (6 N))`` for k methods on N tasks, q_α the upper quantile of the Studentized range of k
     variables with infinite degrees of freedom, over √2 (Demšar 2006, equation 6).
@@ -74,7 +74,7 @@ def critical_difference(methods: int, tasks: int, alpha: float = 0.05) -> float:
 
 
 def groups(ranks: Sequence[float] | NDArray[np.float64], difference: float) -> list[tuple[int, ...]]:
-    """The bars of a critical-difference diagram: maximal sets of methods that are not told apart.
+    """The bars of a critical-difference diagram: maximal sets of methods that do not differ significantly.
 
     Each holds the indices into average ranks ``[methods]``, best first, of two or more methods whose ranks differ by
     less than `difference`, and lies in no larger such set.

@@ -64,7 +64,7 @@ def fisher_test(successes_a: int, trials_a: int, successes_b: int, trials_b: int
     It conditions on the total number of successes, which makes it conservative; see `boschloo_test`.
 
     Raises:
-        ValueError: a side has no trial, or not between 0 and its trials successes.
+        ValueError: a method has no trial, or not between 0 and its trials successes.
     """
     from scipy.stats import fisher_exact
 
@@ -77,7 +77,7 @@ def boschloo_test(successes_a: int, trials_a: int, successes_b: int, trials_b: i
     Unconditional, so one-sided it is at least as powerful as Fisher's.
 
     Raises:
-        ValueError: a side has no trial, or not between 0 and its trials successes.
+        ValueError: a method has no trial, or not between 0 and its trials successes.
     """
     from scipy.stats import boschloo_exact
 
@@ -85,7 +85,7 @@ def boschloo_test(successes_a: int, trials_a: int, successes_b: int, trials_b: i
 
 
 def _table(successes_a: int, trials_a: int, successes_b: int, trials_b: int) -> NDArray[np.int64]:
-    """Successes over failures, one side a column."""
+    """Successes over failures, a column per method."""
     check_count(successes_a, trials_a)
     check_count(successes_b, trials_b)
     return np.array([[successes_a, successes_b], [trials_a - successes_a, trials_b - successes_b]])
@@ -126,7 +126,7 @@ class Successes:
 
     Attributes:
         fixed: those from the fixed test starts, which every evaluation shares.
-        pooled: those and the episodes from further starts.
+        pooled: those and the final evaluation's, from further starts.
         seeds: `pooled` by training seed ``[n]``; empty where only the total was published.
     """
 

@@ -140,7 +140,7 @@ def _relabelled(values: Vector, n: int) -> float:
     centred = values - values.mean()
     observed = abs(centred[:n].sum())
     # The second group's sum is the same but for its sign. Sorted, random relabellings do not depend on the order of
-    # the seeds and of the sides either.
+    # the seeds and of the two methods either.
     centred, smaller = np.sort(centred), min(n, len(values) - n)
     if comb(len(values), n) <= EXACT_RELABELLINGS:
         sums = centred[_groups(len(values), smaller)].sum(axis=1)
@@ -189,7 +189,7 @@ FROM_SUMMARIES: frozenset[Test] = frozenset({"welch", "student"})
 
 @lru_cache(maxsize=65_536)
 def p_value(test: HighlightTest, first: Sample, second: Sample) -> float | None:
-    """Two-sided p-value of `test`; None where a side has fewer than two scores, so nothing can be tested.
+    """Two-sided p-value of `test`; None where either sample has fewer than two scores.
 
     Remembered, because a page decides one table under many rules, and a relabelling test takes a while.
 
@@ -206,7 +206,7 @@ def p_value(test: HighlightTest, first: Sample, second: Sample) -> float | None:
     if test in PAIRED:
         one, two = _scores(test, first.starts), _scores(test, second.starts)
         if one.shape != two.shape:
-            raise ValueError(f"'{test}' pairs start states, but one side has {one.size} and the other {two.size}.")
+            raise ValueError(f"'{test}' pairs start states, but one method has {one.size} and the other {two.size}.")
         return None if one.size < 2 else _paired(test, one, two)
     one, two = _scores(test, first.seeds), _scores(test, second.seeds)
     if min(one.size, two.size) < 2:
@@ -215,7 +215,7 @@ def p_value(test: HighlightTest, first: Sample, second: Sample) -> float | None:
 
 
 def margin(test: HighlightTest, first: Sample, second: Sample) -> float:
-    """By how many points the first side leads in its mean score or pooled success rate; 0 where the two are level.
+    """Difference of the mean scores or pooled success rates in points, first minus second; 0 where the two are level.
 
     Raises:
         ValueError: `fisher`, and a sample without counts.
@@ -239,7 +239,7 @@ def welch_test(first: Summary, second: Summary) -> float | None:
 
     Two edges are decided here rather than left to 0/0:
 
-    * a side with fewer than two samples has no variance, so the means cannot be tested: None;
+    * fewer than two samples have no variance, so the means cannot be tested: None;
     * both standard deviations are 0: the limit of a shrinking spread, 0 for different means and 1 for equal.
     """
     return _t_test(first, second, equal_variances=False)
@@ -285,7 +285,7 @@ def _paired(test: Test, first: NDArray[np.float64], second: NDArray[np.float64])
 
 
 def _differences(first: Sequence[float], second: Sequence[float]) -> Summary:
-    """Of pairs ``[K]``, K at least 2; those that are level differ by 0."""
+    """Summary of the differences of pairs ``[K]``, K at least 2; pairs that are level differ by 0."""
     level = tie(first, second)
     between = [one - two for one, two in zip(first, second, strict=True)]
     return summarize([0.0 if abs(each) <= level else each for each in between], level)

@@ -1,4 +1,4 @@
-"""Which records may share a table: one source, one protocol, and per row one set of conditions."""
+"""Comparability: records share a table if they have one source, one protocol, and per row one set of conditions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLUMN_FIELDS = frozenset(
 )
 
 _SEPARATELY = "Put the records of one of them into a folder of their own and make a table of each."
-_WAYS_OUT = {"protocol.steps": "Choose one with --steps, which leaves out tasks of other lengths."}
+_REMEDIES = {"protocol.steps": "Choose one with --steps, which leaves out tasks of other lengths."}
 
 
 def check_unmixed(records: Sequence[Record]) -> None:
@@ -43,7 +43,7 @@ def check_cell(records: Sequence[Record]) -> None:
             if field != "seed":
                 raise UserError(
                     f"{first.method} on {first.task} was run with {field} = {one} and with {two}.",
-                    _WAYS_OUT.get(field, _SEPARATELY),
+                    _REMEDIES.get(field, _SEPARATELY),
                 )
     seeds = [record.seed for record in records]
     repeated = next((seed for seed in seeds if seeds.count(seed) > 1), None)
@@ -92,7 +92,7 @@ def _check_tasks(records: Sequence[Record]) -> None:
         for field, one, two in leaf_differences(_conditions(first), _conditions(record)):
             raise UserError(
                 f"On {record.task}, {first.method} was run with {field} = {one} and {record.method} with {two}.",
-                _WAYS_OUT.get(field, _SEPARATELY),
+                _REMEDIES.get(field, _SEPARATELY),
             )
 
 
@@ -160,7 +160,7 @@ def in_order(columns: Iterable[Column], methods: Sequence[str]) -> list[Column]:
 def crashed_columns(failures: Sequence[Failure], records: Sequence[Record]) -> dict[Column, list[Failure]]:
     """Crashed runs by column, of the methods that left no record at all.
 
-    A method that has records has its columns already: a crash of another version, preset or option tells of another
+    A method that has records has its columns already: a crash of another version, preset or option belongs to another
     table.
     """
     known = {record.method for record in records}
@@ -190,7 +190,7 @@ def column_of_failure(failure: Failure, columns: Mapping[Column, Sequence[Record
 
 
 def fits_row(failure: Failure, records: Sequence[Record]) -> bool:
-    """Whether the failed run's conditions are those of its row, where it has one: else it tells of another table."""
+    """Whether the failed run's conditions are those of its row, where it has one; else it belongs to another table."""
     row = next((record for record in records if record.task == failure.task), None)
     return row is None or fixed_fields(row) == fixed_fields(failure)
 
@@ -235,7 +235,7 @@ def _labels(variants: Mapping[_Variant, Sequence[Record]]) -> dict[_Variant, str
             label += f":{variant.preset}"
         if len({other.version for other in siblings}) > 1:
             label += f"@{variant.version}"
-        fields = _told_apart_by(variant, members[0].identity, variants)
+        fields = _distinguishing_fields(variant, members[0].identity, variants)
         shown = [f"{field}={canonical_json(value)}" for field, value in fields.items()]
         if variant.tuned and not all(other.tuned for other in siblings):
             shown.insert(0, "tuned")
@@ -245,10 +245,10 @@ def _labels(variants: Mapping[_Variant, Sequence[Record]]) -> dict[_Variant, str
     return labels
 
 
-def _told_apart_by(
+def _distinguishing_fields(
     variant: _Variant, identity: Mapping[str, Any], variants: Mapping[_Variant, Sequence[Record]]
 ) -> dict[str, Any]:
-    """Fields of the config that a variant must show beside the others of its method and preset."""
+    """Fields of the config in which a variant differs from the others of its method and preset."""
     siblings = {
         other: members[0].identity
         for other, members in variants.items()

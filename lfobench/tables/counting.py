@@ -14,20 +14,20 @@ from lfobench.stats.options import Correction, HighlightTest, Scope
 from lfobench.stats.successes import Count, Successes, pool
 
 DIVERGED_OUTCOME = "diverged"
-"""How the episodes of a seed ended that diverged: none was run with its policy, and all of them are failures."""
+"""Outcome of the episodes of a diverged seed: none was run with its policy, and all of them are failures."""
 
 LEAVE_OUT = "leave those records out with --suite or --methods."
 
 
 def counts_successes(records: Sequence[Record]) -> bool:
-    """Whether every record says how its episodes ended; one that diverged before its first evaluation has no say."""
-    said = [known for record in records if (known := _says_outcomes(record)) is not None]
-    return bool(said) and all(said)
+    """Whether every record says how its episodes ended; one that diverged before its first evaluation is left out."""
+    recorded = [known for record in records if (known := _has_outcomes(record)) is not None]
+    return bool(recorded) and all(recorded)
 
 
 def some_count_successes(records: Sequence[Record]) -> bool:
     """Whether any record says how its episodes ended."""
-    return any(_says_outcomes(record) for record in records)
+    return any(_has_outcomes(record) for record in records)
 
 
 def scores_are_success_rates(records: Sequence[Record]) -> bool:
@@ -40,13 +40,13 @@ def scores_are_success_rates(records: Sequence[Record]) -> bool:
 
 
 def check_outcomes(records: Sequence[Record], purpose: str, remedy: str) -> None:
-    """Refuses records that do not say how their episodes ended; `purpose` says who asks for it.
+    """Refuses records without outcomes; `purpose` begins the error.
 
     Raises:
         UserError: naming the first of them.
     """
     if not counts_successes(records):
-        without = [record for record in records if _says_outcomes(record) is False] or records
+        without = [record for record in records if _has_outcomes(record) is False] or records
         raise UserError(
             f"{purpose}, and {len(without)} of {len(records)} records do not say how their episodes ended, e.g. "
             f"{without[0].method} on {without[0].task}.",
@@ -55,7 +55,7 @@ def check_outcomes(records: Sequence[Record], purpose: str, remedy: str) -> None
 
 
 def check_counts(records: Sequence[Record], statistic: Statistic) -> None:
-    """Refuses records without outcomes, and a statistic that success counts know nothing of.
+    """Refuses records without outcomes, and a statistic other than success rates.
 
     Raises:
         UserError: naming the first record that does not say how its episodes ended, or the statistic.
@@ -72,31 +72,31 @@ def check_counts(records: Sequence[Record], statistic: Statistic) -> None:
 
 def successes_of(records: Sequence[Record]) -> Successes:
     """The successes of one cell, whose records differ in the seed alone and pass `check_counts`."""
-    endings = [(fixed_outcomes(record), further_outcomes(record)) for record in records]
+    endings = [(fixed_outcomes(record), final_outcomes(record)) for record in records]
     return pool([_count(fixed) for fixed, _ in endings], [_count([*fixed, *further]) for fixed, further in endings])
 
 
 def fixed_outcomes(record: Record) -> list[str]:
-    """How the episodes of the last evaluation ended, from the fixed test starts."""
+    """Outcomes of the episodes of the last evaluation, from the fixed test starts."""
     if record.status == "diverged":
         planned = int(record.identity["protocol"]["evaluation_episodes"])
         return [DIVERGED_OUTCOME] * (len(record.evaluations[-1].returns) if record.evaluations else planned)
     return list(record.evaluations[-1].outcomes or ())
 
 
-def further_outcomes(record: Record) -> list[str]:
-    """How the trained policy's episodes from further starts ended; none where there are no such starts."""
+def final_outcomes(record: Record) -> list[str]:
+    """Outcomes of the final evaluation, the trained policy's episodes from further starts; empty without one."""
     if record.status == "diverged":
-        return [DIVERGED_OUTCOME] * further_episodes(record)
+        return [DIVERGED_OUTCOME] * final_episodes(record)
     return list(record.further.outcomes or ()) if record.further else []
 
 
-def further_episodes(record: Record) -> int:
-    """Further starts that the protocol plans for this record's task."""
+def final_episodes(record: Record) -> int:
+    """Episodes of the final evaluation in the protocol of this record's task."""
     return int(record.identity["protocol"].get("further_episodes", 0))
 
 
-def _says_outcomes(record: Record) -> bool | None:
+def _has_outcomes(record: Record) -> bool | None:
     """None where no episode was run."""
     evaluations = _evaluations(record)
     return all(evaluation.outcomes is not None for evaluation in evaluations) if evaluations else None

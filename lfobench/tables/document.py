@@ -29,7 +29,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Paragraphs:
-    """Paragraphs of one style, in rich's words."""
+    """Paragraphs of one style, a style of rich's."""
 
     texts: tuple[str, ...]
     style: str = ""
@@ -41,7 +41,7 @@ class Section:
 
     Attributes:
         heading: above them; empty for none.
-        style: of the heading, in rich's words.
+        style: of the heading, a style of rich's.
         rows: name of each row, then its cells, one per column.
     """
 

@@ -15,9 +15,9 @@ from lfobench.stats.power import can_reach, smallest_p
 from lfobench.stats.tests import PAIRED
 from lfobench.tables.counting import (
     counts_successes,
+    final_episodes,
+    final_outcomes,
     fixed_outcomes,
-    further_episodes,
-    further_outcomes,
     some_count_successes,
 )
 from lfobench.tables.table import DIVERGED, FAILED, HIGHLIGHT_NOTE, LOST, MISSING, Column, Note, Row, Table, competes
@@ -40,7 +40,7 @@ SCOPES: dict[Scope, str] = {"group": "the methods without expert actions", "all"
 
 
 def highlight_notes(table: Table) -> Iterator[Note]:
-    """What was compared with what, at which level; which rows decided nothing, and why."""
+    """The rule of the highlights: test, scope, level, correction; rows without a decision, and why."""
     rule, rows = table.rule, [row for _, row in table.rows()]
     tested = sum(row.p is not None for row in rows)
     corrected = f" corrected by {CORRECTIONS[rule.correction]} over the {tested} rows tested"
@@ -51,21 +51,21 @@ def highlight_notes(table: Table) -> Iterator[Note]:
         f"{'' if rule.correction == 'none' else corrected}. "
         f"Correction for multiple comparisons: {CORRECTIONS[rule.correction]}"
     )
-    for outcome, said in (
+    for outcome, sentence in (
         ("untested", f"Not tested for want of a second {unit(rule.test)}, both highlighted"),
         ("unopposed", "Nothing to compare, nothing highlighted"),
         ("all failed", "No success at all, nothing highlighted"),
     ):
         if concerned := [row for row in rows if row.outcome == outcome]:
-            text += f". {said}: {_where(concerned, rows)}"
+            text += f". {sentence}: {_where(concerned, rows)}"
     if table.counts:
         text += ". Counts are tested because every record says how its episodes ended"
     yield Note(HIGHLIGHT_NOTE, f"{text}.")
     if rule.test in PAIRED:
         yield Note(
             "Pairs",
-            "the test pairs the common start states, each with its mean over seeds. It speaks of other starts of these "
-            "trained policies, not of other training seeds.",
+            "the test pairs the common start states, each with its mean over seeds. It generalises to other starts "
+            "of these trained policies, not to other training seeds.",
         )
     if without := [row for row in rows if row.without_spread]:
         yield Note("No spread", without_spread_note(rule.test, _where(without, rows)))
@@ -78,13 +78,17 @@ def highlight_notes(table: Table) -> Iterator[Note]:
 
 
 def unit(test: HighlightTest) -> str:
-    """What a test counts."""
+    """Unit of a test's sample size."""
     return "start state" if test in PAIRED else "episode" if test == "fisher" else "seed"
 
 
 def without_spread_note(test: HighlightTest, where: str) -> str:
-    """What a t-test's p is worth where nothing varies."""
-    alike = "all start states differ alike" if test in PAIRED else "on neither side do scores vary over seeds"
+    """Explanation of a t-test's p where nothing varies."""
+    alike = (
+        "all pairs of start states have the same difference"
+        if test in PAIRED
+        else "the scores of neither method vary over seeds"
+    )
     return (
         f"{where}: {alike}, so p is a limit, 0 where the means differ and 1 where they do not. It rests on no estimate "
         f"of spread: other {unit(test)}s may well differ."
@@ -96,7 +100,7 @@ def _where(concerned: Sequence[Row], rows: Sequence[Row]) -> str:
 
 
 def _infeasible(table: Table) -> Iterator[Note]:
-    """Said where no result whatever could have been significant: silence would read as "no difference"."""
+    """The design, where no result could have been significant: without this note it would read as "no difference"."""
     rule = table.rule
     tested = [_sizes(table, row) for _, row in table.rows() if row.p is not None]
     if any(can_reach(rule.test, *sizes, rule.alpha, len(tested), rule.correction) for sizes in tested):
@@ -134,26 +138,26 @@ def either(values: Iterable[Any]) -> str:
     return " or ".join(str(value) for value in distinct)
 
 
-def with_whom(said: Iterable[tuple[str, str]], between: str = ", ") -> str:
-    """(what, whom) pairs: what is said once if all agree, else each with those it is said of: ``a (x, y), b (z)``."""
-    concerned = _concerned(said)
+def grouped(pairs: Iterable[tuple[str, str]], between: str = ", ") -> str:
+    """(text, name) pairs, each text once: alone if all names share it, else with its names: ``a (x, y), b (z)``."""
+    concerned = _names_by_text(pairs)
     if len(concerned) == 1:
         return next(iter(concerned))
-    return between.join(f"{what} ({', '.join(whom)})" for what, whom in concerned.items())
+    return between.join(f"{text} ({', '.join(names)})" for text, names in concerned.items())
 
 
-def mostly(said: Iterable[tuple[str, str]]) -> str:
-    """The same, but for what is said of most: ``a, but b (x, y)``."""
-    concerned = _concerned(said)
-    most = max(concerned, key=lambda what: len(concerned[what]))
-    others = [f"{what} ({', '.join(whom)})" for what, whom in concerned.items() if what != most]
+def mostly(pairs: Iterable[tuple[str, str]]) -> str:
+    """(text, name) pairs: the text of most names, then the others with their names: ``a, but b (x, y)``."""
+    concerned = _names_by_text(pairs)
+    most = max(concerned, key=lambda text: len(concerned[text]))
+    others = [f"{text} ({', '.join(names)})" for text, names in concerned.items() if text != most]
     return f"{most}, but {', '.join(others)}" if others else most
 
 
 def per_column(columns: Columns, describe: Callable[[Record], Iterable[str]]) -> str:
-    """What `describe` says of each column's records, with the columns where they differ."""
-    return with_whom(
-        (said, column.label) for column, records in columns.items() for record in records for said in describe(record)
+    """Descriptions of the records, each with its columns where columns differ."""
+    return grouped(
+        (text, column.label) for column, records in columns.items() for record in records for text in describe(record)
     )
 
 
@@ -166,12 +170,11 @@ def assignments(fields: Iterable[Mapping[str, Any]]) -> list[str]:
     return [f"{name} = {either(found)}" for name, found in values.items()]
 
 
-def _concerned(said: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
-    """Those that each thing is said of, once each, in order."""
-    concerned: dict[str, dict[str, None]] = {}
-    for what, whom in said:
-        concerned.setdefault(what, {})[whom] = None
-    return {what: list(whom) for what, whom in concerned.items()}
+def _names_by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    found: dict[str, dict[str, None]] = {}
+    for text, name in pairs:
+        found.setdefault(text, {})[name] = None
+    return {text: list(names) for text, names in found.items()}
 
 
 STATISTICS: dict[str, str] = {
@@ -179,14 +182,14 @@ STATISTICS: dict[str, str] = {
     "last": "last evaluation",
     "best": "best evaluation, picked by the score it reports and therefore optimistic",
     "at": "evaluation at step {step:,}",
-    "success": "percentage of successes among the episodes of its last policy, those from further starts included",
+    "success": "percentage of successes among the episodes of its last policy, the final evaluation included",
 }
 
 _RETURN = "normalised return, 100 · (return − random) / (expert − random)"
 
 
 def score_notes(table: Table, records: Sequence[Record]) -> Iterator[Note]:
-    """What a cell shows; where it counts pooled episodes, how far from independent they are."""
+    """Definition of a cell's number; where episodes are pooled, how far from independent they are."""
     if table.counts:
         yield _counts(records)
         yield _dependence(table)
@@ -212,7 +215,7 @@ def _scores(table: Table, records: Sequence[Record]) -> Note:
 
 
 def _references(records: Sequence[Record]) -> str:
-    """Which returns score 0 and 100."""
+    """Returns that score 0 and 100."""
     returns = dict.fromkeys(
         f"{record.labels.row} {_number(environment['random_return'])} and {_number(environment['expert_return'])}"
         for record in records
@@ -229,7 +232,7 @@ def _why_scores(records: Sequence[Record]) -> str:
     if counts_successes(records):
         return (
             " Every record says how its episodes ended: without --stat and --test, lfobench table shows success counts "
-            "instead, further starts included."
+            "instead, the final evaluation included."
         )
     if some_count_successes(records):
         return " Scores, not success counts, because some records do not say how their episodes ended."
@@ -245,10 +248,14 @@ def _counts(records: Sequence[Record]) -> Note:
 
 
 def _starts(records: Sequence[Record]) -> str:
-    """``the 10 fixed test starts and 100 further ones, the same for every method and seed``."""
+    """``the 10 fixed test starts and 100 further ones (the final evaluation), the same for every method and seed``."""
     fixed = either(len(fixed_outcomes(record)) for record in records)
-    further = [len(further_outcomes(record)) for record in records]
-    beyond = f" and {either(further)} further ones, the same for every method and seed" if any(further) else ""
+    further = [len(final_outcomes(record)) for record in records]
+    beyond = (
+        f" and {either(further)} further ones (the final evaluation), the same for every method and seed"
+        if any(further)
+        else ""
+    )
     return f"the {fixed} fixed test starts{beyond}"
 
 
@@ -263,7 +270,7 @@ def _dependence(table: Table) -> Note:
         largest, where = max(known)
         extent = f"Largest {what}: {largest:.1f}, {where}."
     else:
-        extent = f"The {what} is unknown: it takes two seeds of a cell, and successes beside failures."
+        extent = f"The {what} is unknown: it takes two seeds of a cell, successes and failures."
     return Note(
         "Episodes",
         "episodes of one seed share its policy and are not independent: where seeds differ, intervals and p-values "
@@ -275,9 +282,9 @@ def data_note(source: str, records: Sequence[Record]) -> Note:
     """The source, and what the offline and the expert data are."""
     recorded = [record for record in records if counts_trajectories(record)]
     mixed = [record for record in records if not counts_trajectories(record)]
-    said = [*([_mixed(mixed)] if mixed else []), *([_recorded(recorded)] if recorded else [])]
+    parts = [*([_mixed(mixed)] if mixed else []), *([_recorded(recorded)] if recorded else [])]
     origin = ", not read from published files" if source == GENERATED else _files(records)
-    return Note("Source", f"{source}{origin}. {' '.join(said)}")
+    return Note("Source", f"{source}{origin}. {' '.join(parts)}")
 
 
 def protocol_note(name: str, columns: Columns, records: Sequence[Record]) -> Note:
@@ -296,25 +303,25 @@ def protocol_note(name: str, columns: Columns, records: Sequence[Record]) -> Not
             else []
         ),
     )
-    further = [further_episodes(record) for record in records]
-    once = f"; after training, {either(further)} episodes from further starts, likewise" if any(further) else ""
+    further = [final_episodes(record) for record in records]
+    final = f"; after training, a final evaluation of {either(further)} episodes, likewise" if any(further) else ""
     return Note(
         "Protocol",
         f"{name}: {steps} gradient steps{' (set with --steps)' if assigned else ''}"
         f"{f', {batches}' if batches else ''}; every {every} steps an evaluation of {episodes} episodes, from the same "
-        f"starts for every method and seed{once}.",
+        f"starts for every method and seed{final}.",
     )
 
 
 def tuning_notes(columns: Columns) -> Iterator[Note]:
-    """Of the methods whose hyperparameters were chosen from a grid: which grid, by what, at what cost."""
+    """Grid, criterion and cost of the methods whose hyperparameters were tuned."""
     tuned = {column.label: _tuned(records) for column, records in columns.items()}
-    said = [f"{label}: {text}" for label, text in tuned.items() if text]
-    if not said:
+    searches = [f"{label}: {text}" for label, text in tuned.items() if text]
+    if not searches:
         return
     untuned = [label for label, text in tuned.items() if not text]
     rest = f" Not tuned: {', '.join(untuned)}." if untuned else ""
-    yield Note("Tuned", f"{'; '.join(said)}. These runs and steps come on top of the table's.{rest}")
+    yield Note("Tuned", f"{'; '.join(searches)}. These runs and steps come on top of the table's.{rest}")
 
 
 def counts_trajectories(record: Record) -> bool:
@@ -323,7 +330,7 @@ def counts_trajectories(record: Record) -> bool:
 
 
 def _files(records: Sequence[Record]) -> str:
-    """What the files are called, where all records were made of the same; the other part is generated."""
+    """Names of the files where all records were made of the same; a part without a file is generated."""
     named = [record.provenance.get("data_files") for record in records]
     if not all(files == named[0] for files in named) or not isinstance(named[0], dict):
         return ""
@@ -362,7 +369,7 @@ def sees_the_mix(record: Record) -> bool:
 
 
 def _there(record: Record, field: str) -> tuple[int, int]:
-    """How much there was, and how much the recipe asks for."""
+    """Amount of a field in the data, and in the recipe."""
     wanted: int = record.identity["recipe"][field]
     return (wanted if record.counts is None else getattr(record.counts, field)), wanted
 
@@ -372,8 +379,8 @@ def _of_recipe(there: int, wanted: int) -> str:
 
 
 def _recorded(records: Sequence[Record]) -> str:
-    offline = with_whom(((_offline(record.identity["recipe"]), record.labels.group) for record in records), "; ")
-    expert = with_whom(((_expert(record.identity["recipe"]), record.labels.group) for record in records), "; ")
+    offline = grouped(((_offline(record.identity["recipe"]), record.labels.group) for record in records), "; ")
+    expert = grouped(((_expert(record.identity["recipe"]), record.labels.group) for record in records), "; ")
     scaled = all(record.identity["recipe"].get("standardize") for record in records)
     units = " Observations are standardised by the offline data's moments for every method." if scaled else ""
     return f"Offline data: {offline}. Expert data, observations only: {expert}. No row crosses an end.{units}"
@@ -405,10 +412,10 @@ def _tuned(records: Sequence[Record]) -> str:
     paid = {(task, canonical_json(tuning.model_dump(mode="json"))): tuning for task, tuning in tunings}
     runs, steps = sum(tuning.runs for tuning in paid.values()), sum(tuning.steps for tuning in paid.values())
     tasks = dict.fromkeys(task for task, _ in tunings)
-    plain = [task for task in dict.fromkeys(record.task for record in records) if task not in tasks]
-    rest = f"; not on {', '.join(plain)}" if plain else ""
+    untuned = [task for task in dict.fromkeys(record.task for record in records) if task not in tasks]
+    rest = f"; not on {', '.join(untuned)}" if untuned else ""
     return (
-        f"{with_whom((_search(tuning), task) for task, tuning in tunings)}; chosen: "
+        f"{grouped((_search(tuning), task) for task, tuning in tunings)}; chosen: "
         f"{mostly((', '.join(assignments([tuning.chosen])), task) for task, tuning in tunings)}; "
         f"{runs:,} runs, {steps:,} gradient steps{rest}"
     )
@@ -452,7 +459,7 @@ def _simulator(records: Sequence[Record]) -> Note:
 
 
 def _actions(records: Sequence[Record]) -> Iterator[Note]:
-    """Said of environments whose actions are not in [-1, 1]."""
+    """Scaling of actions, for environments whose actions are not in [-1, 1]."""
     boxes = {
         f"{_environment(record.identity['environment'])} takes {ActionBox.from_identity(box).scaling}"
         for record in records
@@ -470,7 +477,7 @@ def _environment(environment: Mapping[str, Any]) -> str:
 
 
 def _precision(records: Sequence[Record]) -> Iterator[Note]:
-    """Said where a record's products were not float32, as they are on a CPU unless asked otherwise."""
+    """Precision of matrix products, where it was not float32, the default on a CPU."""
     devices = [record.provenance.get("device") for record in records]
     kinds = {str(device.get("precision", "float32")) if isinstance(device, dict) else "float32" for device in devices}
     if kinds != {"float32"}:
@@ -478,7 +485,7 @@ def _precision(records: Sequence[Record]) -> Iterator[Note]:
 
 
 def seeds_note(table: Table) -> Note:
-    """How many seeds stand behind a cell, and which."""
+    """Number of seeds per cell, and their numbers."""
     cells = [(row, column, cell) for row, column, cell in table.cells() if cell is not None and column.run_here]
     sizes = [len(cell.seeds) for _, _, cell in cells]
     most, fewest = max(sizes), min(sizes)
@@ -495,7 +502,7 @@ def seeds_note(table: Table) -> Note:
 
 
 def _layer(protocol: str, records: Sequence[Record]) -> str:
-    """Who changes a method's configuration besides the user: tasks of some kinds of data may, too."""
+    """Origin of changes to a method's configuration that are not the user's: the protocol, for some data the task."""
     by_task = any(counts_trajectories(record) or not sees_the_mix(record) for record in records)
     return f"protocol {protocol}{' or task' if by_task else ''}"
 
@@ -523,7 +530,7 @@ def _settings(records: Sequence[Record], field: str) -> list[str]:
 
 
 def _stated(records: Sequence[Record]) -> list[str]:
-    """What the methods want every reader to know of their configuration."""
+    """Fields of the configuration that the methods declare as stated in every footnote."""
     return assignments({name: record.identity["config"][name] for name in record.labels.stated} for record in records)
 
 

@@ -1,4 +1,4 @@
-"""How episodes ended: for every task and method, each outcome with its count."""
+"""Outcomes: for every task and method, how many episodes ended in success and in each kind of failure."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lfobench.score import SUCCESS_RATE
 from lfobench.stats.highlight import Rule
 from lfobench.tables.building import build_table
 from lfobench.tables.comparable import arrange_columns
-from lfobench.tables.counting import DIVERGED_OUTCOME, LEAVE_OUT, check_outcomes, fixed_outcomes, further_outcomes
+from lfobench.tables.counting import DIVERGED_OUTCOME, LEAVE_OUT, check_outcomes, final_outcomes, fixed_outcomes
 from lfobench.tables.document import Document, Grid, Notes, Section
 from lfobench.tables.exporters import latex
 from lfobench.tables.exporters.csv import csv_text
@@ -21,7 +21,7 @@ from lfobench.tables.exporters.json import json_text, notes_value
 from lfobench.tables.table import HIGHLIGHT_NOTE, MISSING, Cell, Column, Note, Row, cell_text
 
 _ABOUT_NUMBERS = frozenset({"Score", "Episodes", HIGHLIGHT_NOTE, "†", "Design", "Demonstration"})
-"""Notes of a table of success counts that say nothing of how episodes ended."""
+"""Notes of a table of success counts that do not apply to outcomes."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def outcome_table(
     methods: Sequence[str] = (),
     failures: Sequence[Failure] = (),
 ) -> OutcomeTable:
-    """How the episodes behind success counts ended; arguments as of `build_table`.
+    """Outcomes of the episodes behind success counts; arguments as of `build_table`.
 
     Raises:
         UserError: there are no records, they must not share a table, or some do not say how their episodes ended.
@@ -101,14 +101,14 @@ def outcome_table(
     about = Note(
         "Outcomes",
         "episodes that ended so, and their part of all episodes of the task and method, pooled over seeds: those of "
-        "the last evaluation and, where a task has further starts, of the trained policy from them.",
+        "the last evaluation and of the final evaluation where a task has one.",
     )
     notes = (about, *(note for note in table.notes if note.label not in _ABOUT_NUMBERS))
     return OutcomeTable(_in_order(lines), lines, notes, table.source, table.protocol)
 
 
 def _counts(records: Sequence[Record]) -> Counter[str]:
-    return Counter(outcome for record in records for outcome in [*fixed_outcomes(record), *further_outcomes(record)])
+    return Counter(outcome for record in records for outcome in [*fixed_outcomes(record), *final_outcomes(record)])
 
 
 def _in_order(lines: Sequence[Line]) -> tuple[str, ...]:

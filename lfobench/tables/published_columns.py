@@ -1,4 +1,4 @@
-"""A publication beside a table: its success counts beside ours, its scores beside ours."""
+"""Published columns: numbers of a publication next to ours, success counts or scores, with the result of a test."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from lfobench.stats.successes import Count, Successes
 from lfobench.stats.tests import Sample, p_value
 from lfobench.tables.table import AGREEMENTS, Block, Cell, Column, ColumnKind, Note, Row, Table
 
-Ghost = Callable[[Block, Row, Column, Cell | None], Cell | None]
-"""The published cell beside ours: given its block, row and column, and what stands in it."""
+PublishedCell = Callable[[Block, Row, Column, Cell | None], Cell | None]
+"""The published cell that belongs to a cell of ours, given its block, row and column; None where there is none."""
 
 
-def published_columns(table: Table, name: str, here: Collection[str], methods: Collection[str]) -> list[Column]:
-    """Our columns that published numbers are held against.
+def columns_in_common(table: Table, name: str, here: Collection[str], methods: Collection[str]) -> list[Column]:
+    """Our columns whose methods were published, too.
 
     Args:
         table: ours.
@@ -40,25 +40,32 @@ def published_columns(table: Table, name: str, here: Collection[str], methods: C
     if repeated is not None:
         labels = " and ".join(column.label for column in columns if column.method == repeated)
         raise UserError(
-            f"{labels} would both be held against the published {repeated}.", "Choose one, e.g. with --preset released."
+            f"{labels} would both be compared with the published {repeated}.",
+            "Choose one, e.g. with --preset released.",
         )
     return columns
 
 
-def with_ghosts(table: Table, beside: Sequence[Column], comparable: bool, ghost: Ghost, notes: Sequence[Note]) -> Table:
-    """`table` with a ghost column for each of `beside`, and more notes."""
+def with_columns(
+    table: Table, ours: Sequence[Column], comparable: bool, published_cell: PublishedCell, notes: Sequence[Note]
+) -> Table:
+    """`table` with a published column for each of `ours`, and more notes."""
     kind: ColumnKind = "published" if comparable else "incomparable"
-    ghosts = {column: Column(column.method, column.method, "", kind) for column in beside}
+    added = tuple(Column(column.method, column.method, "", kind) for column in ours)
     blocks = tuple(
-        replace(block, rows=tuple(_with_ghosts(block, row, table.columns, beside, ghost) for row in block.rows))
+        replace(block, rows=tuple(_with_cells(block, row, table.columns, ours, published_cell) for row in block.rows))
         for block in table.blocks
     )
-    return replace(table, columns=(*table.columns, *ghosts.values()), blocks=blocks, notes=(*table.notes, *notes))
+    return replace(table, columns=(*table.columns, *added), blocks=blocks, notes=(*table.notes, *notes))
 
 
-def _with_ghosts(block: Block, row: Row, columns: Sequence[Column], beside: Sequence[Column], ghost: Ghost) -> Row:
+def _with_cells(
+    block: Block, row: Row, columns: Sequence[Column], ours: Sequence[Column], published_cell: PublishedCell
+) -> Row:
     added = [
-        ghost(block, row, column, cell) for column, cell in zip(columns, row.cells, strict=True) if column in beside
+        published_cell(block, row, column, cell)
+        for column, cell in zip(columns, row.cells, strict=True)
+        if column in ours
     ]
     return replace(row, cells=(*row.cells, *added))
 
@@ -69,8 +76,8 @@ class PublishedScores:
 
     Attributes:
         name: how the footnote calls it, e.g. ``dilo-2024, Table 1``.
-        source: of its data, in our words.
-        protocol: of its runs, in our words.
+        source: of its data, a source of ours.
+        protocol: of its runs, a protocol of ours.
         scores: by task and method.
         remark: what a reader must know of n, the simulator and the like; whole sentences.
     """
@@ -95,7 +102,7 @@ def published_scores(publication: Publication) -> PublishedScores:
     if table is None:
         raise UserError(
             f"{publication.name} has no table that says which source and protocol its scores are of.",
-            "Only such a table can be held against records.",
+            "Only such a table can be compared with records.",
         )
     claimed = sorted(claim.n for claim in table.claims)
     scores: dict[tuple[str, str], Summary] = {}
@@ -105,23 +112,23 @@ def published_scores(publication: Publication) -> PublishedScores:
             if n is None:
                 raise UserError(f"{publication.name}, {table.title} does not say n.", "Give it a column n.")
             scores[row.name, method] = Summary(n if cell.std is not None else 1, cell.mean, cell.std)
-    said = " and ".join(f"{claim.n} ({claim.where})" for claim in table.claims)
-    taken = f" The paper states n = {said}; the smallest is taken here." if len(claimed) > 1 else ""
+    stated = " and ".join(f"{claim.n} ({claim.where})" for claim in table.claims)
+    taken = f" The paper states n = {stated}; the smallest is taken here." if len(claimed) > 1 else ""
     return PublishedScores(
         f"{publication.name}, {table.title}", table.source, table.protocol, scores, f"{table.environments}.{taken}"
     )
 
 
 def with_published(table: Table, published: PublishedScores, margin: float, alpha: float, anyway: bool) -> Table:
-    """`table` with a ghost column for every method that was published on one of its tasks.
+    """`table` with a published column for every method that was published on one of its tasks.
 
-    The verdict of a ghost cell is the equivalence test's of our cell in the same row against it.
+    A published cell carries the result of the equivalence test that compares our cell in the same row with it.
 
     Raises:
         UserError: the table's source or protocol is another and `anyway` is false; nothing of the table was
             published; or two columns show one method, so that a verdict would be ambiguous.
     """
-    differing = [
+    differences = [
         f"{kind} is '{ours}' here and '{theirs}' there"
         for kind, ours, theirs in (
             ("source", table.source, published.source),
@@ -129,31 +136,31 @@ def with_published(table: Table, published: PublishedScores, margin: float, alph
         )
         if ours != theirs
     ]
-    if differing and not anyway:
+    if differences and not anyway:
         raise UserError(
-            f"These records are not comparable with {published.name}: the {' and the '.join(differing)}.",
-            "Add --anyway to see them side by side, labelled as such.",
+            f"These records are not comparable with {published.name}: the {' and the '.join(differences)}.",
+            "Add --anyway to see them next to each other, labelled as such.",
         )
     tasks = {row.task for _, row in table.rows()}
-    beside = published_columns(
+    ours = columns_in_common(
         table,
         published.name,
         {method for task, method in published.scores if task in tasks},
         {method for _, method in published.scores},
     )
 
-    def ghost(_block: Block, row: Row, column: Column, ours: Cell | None) -> Cell | None:
+    def published_cell(_block: Block, row: Row, column: Column, our_cell: Cell | None) -> Cell | None:
         theirs = published.scores.get((row.task, column.method))
         if theirs is None:
             return None
-        if ours is None or ours.summary is None:
+        if our_cell is None or our_cell.summary is None:
             return Cell(Sample(theirs))
-        return Cell(Sample(theirs), agreement=equivalence_test(ours.summary, theirs, margin, alpha).agreement)
+        return Cell(Sample(theirs), agreement=equivalence_test(our_cell.summary, theirs, margin, alpha).agreement)
 
-    return with_ghosts(table, beside, not differing, ghost, _notes(published, differing, margin, alpha))
+    return with_columns(table, ours, not differences, published_cell, _notes(published, differences, margin, alpha))
 
 
-def _notes(published: PublishedScores, differing: Sequence[str], margin: float, alpha: float) -> list[Note]:
+def _notes(published: PublishedScores, differences: Sequence[str], margin: float, alpha: float) -> list[Note]:
     notes = [
         Note(
             "Published",
@@ -164,9 +171,9 @@ def _notes(published: PublishedScores, differing: Sequence[str], margin: float, 
             "neither is shown.",
         )
     ]
-    if differing:
+    if differences:
         notes.append(
-            Note("Not comparable", f"the {' and the '.join(differing)}; shown because --anyway was asked for.")
+            Note("Not comparable", f"the {' and the '.join(differences)}; shown because --anyway was asked for.")
         )
     return notes
 
@@ -209,7 +216,7 @@ def published_counts(publication: Publication) -> PublishedCounts:
             return PublishedCounts(f"{publication.name}, {table.title}", counts)
     raise UserError(
         f"{publication.name} has no table of successes with the columns {', '.join(PLACE)}, method, successes, trials.",
-        "Only such a table can be held against success counts; --test welch shows scores.",
+        "Only such a table can be compared with success counts; --test welch shows scores.",
     )
 
 
@@ -222,10 +229,10 @@ def counts_are_published(table: Table, publication: Publication) -> bool:
 
 
 def with_published_counts(table: Table, published: PublishedCounts, alpha: float, anyway: bool) -> Table:
-    """`table` with a ghost column for every method that was published on one of its tasks.
+    """`table` with a published column for every method that was published on one of its tasks.
 
-    The verdict of a ghost cell is Fisher's exact test of our pooled count in the same row against it, at `alpha`. No
-    published count is of a source and a protocol of ours, so they are shown only where `anyway` is true.
+    A published cell carries the result of Fisher's exact test, at `alpha`, of our pooled count in the same row against
+    it. No published count is of a source and a protocol of ours, so they are shown only where `anyway` is true.
 
     Raises:
         UserError: `anyway` is false; nothing of the table was published; or two columns show one method.
@@ -235,21 +242,21 @@ def with_published_counts(table: Table, published: PublishedCounts, alpha: float
     if not anyway:
         raise UserError(
             f"These records are not comparable with {published.name}: {here}, and {there}.",
-            "Add --anyway to see them side by side, labelled as such.",
+            "Add --anyway to see them next to each other, labelled as such.",
         )
-    beside = published_columns(
+    ours = columns_in_common(
         table, published.name, published.methods_on(table), {method for _, _, method in published.counts}
     )
 
-    def ghost(block: Block, row: Row, column: Column, ours: Cell | None) -> Cell | None:
+    def published_cell(block: Block, row: Row, column: Column, our_cell: Cell | None) -> Cell | None:
         count = published.counts.get((row.label, block.label, column.method))
         if count is None:
             return None
         # Nobody published scores by seed: the rate is shown as the score of one.
         theirs = Sample(Summary(1, 100.0 * count.rate, None), successes=Successes(count, count))
-        if ours is None or ours.sample is None:
+        if our_cell is None or our_cell.sample is None:
             return Cell(theirs)
-        p = p_value("fisher", ours.sample, theirs)
+        p = p_value("fisher", our_cell.sample, theirs)
         assert p is not None
         return Cell(theirs, agreement="differs" if p < alpha else "not told apart", agreement_p=p)
 
@@ -259,15 +266,15 @@ def with_published_counts(table: Table, published: PublishedCounts, alpha: float
             f"{published.name}: successes out of trials as printed, Wilson's 95% interval computed here. Ours against "
             f"them by Fisher's exact two-sided test, each cell alone, not corrected: {AGREEMENTS['differs']} differs "
             f"(p < {alpha:g}), {AGREEMENTS['not told apart']} not told apart, which is no proof that they agree; p "
-            "stands behind the sign.",
+            "follows the sign.",
         ),
         Note("Not comparable", f"{here}, and {there}; shown because --anyway was asked for."),
     )
-    return with_ghosts(table, beside, False, ghost, notes)
+    return with_columns(table, ours, False, published_cell, notes)
 
 
-def beside(table: Table, publication: Publication, margin: float, anyway: bool) -> Table:
-    """`table` with a ghost column for every method that was published on one of its tasks.
+def with_publication(table: Table, publication: Publication, margin: float, anyway: bool) -> Table:
+    """`table` with a published column for every method that was published on one of its tasks.
 
     Args:
         table: ours.

@@ -41,7 +41,7 @@ class Column:
 
     @property
     def run_here(self) -> bool:
-        """Whether records of runs stand behind the column."""
+        """Whether the column shows runs of ours."""
         return self.kind in ("actions", "observations")
 
 
@@ -62,7 +62,7 @@ class Cell:
         failed_seeds: seeds that crashed and have no score; not among `seeds`.
         highlighted: whether the highlight rule picks this cell.
         lost: whether it stands out only as long as nobody corrects for the number of rows tested.
-        agreement: of a published number: what a test says of ours against it.
+        agreement: of a published number: the result of the test that compares ours with it.
         agreement_p: p-value behind `agreement`, where it is one of counts.
     """
 
@@ -139,7 +139,7 @@ class Table:
     """Scores of methods (columns) on tasks (rows) from one source under one protocol.
 
     Attributes:
-        columns: in table order, each group's beside each other.
+        columns: in table order, those of a group adjacent.
         blocks: the rows.
         notes: the footnote.
         statistic: what a run's evaluations were reduced to.
@@ -164,8 +164,8 @@ class Table:
         return self.rule.test == "fisher"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
-        # The exporters draw this model, so it cannot import them before it is there.
+        """The table in a notebook."""
+        # The exporters import this module.
         from lfobench.tables.exporters.html import export
 
         return export(self)
@@ -240,17 +240,17 @@ class CellText:
 
     @property
     def interval(self) -> str:
-        """What stands behind a count: ``[77, 93]``."""
+        """Interval of a success rate: ``[77, 93]``."""
         return f"[{self.low}, {self.high}]" if self.low else ""
 
     @property
     def verdict(self) -> str:
-        """What is said of a published number: its sign, and p where there is one: ``≠ p 0.03``."""
+        """Agreement with a published number: its sign, and p where there is one: ``≠ p 0.03``."""
         return f"{self.agreement}{f' p {self.p}' if self.p else ''}"
 
     @property
     def marks(self) -> str:
-        """What stands behind the number: ``✗1 !2``."""
+        """Marks after the number: ``✗1 !2``."""
         counts = [
             f"{DIVERGED}{self.diverged}" if self.diverged else "",
             f"{FAILED}{self.failed}" if self.failed else "",
@@ -263,7 +263,7 @@ class CellText:
 
 
 def cell_text(cell: Cell) -> CellText:
-    """The parts that are printed of `cell`."""
+    """The printed parts of `cell`."""
     number, std, low, high = _numbers(cell)
     return CellText(
         mean=number,

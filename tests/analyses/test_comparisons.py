@@ -262,7 +262,7 @@ def test_single_seeds_are_untested_and_the_gate_says_that_it_sees_nothing() -> N
     compared = judged(make_cell([100.0]), make_cell([5.0], method_version=2))
     assert not compared.regressed
     text = draw(compared)
-    assert "untested (1), for want of a second seed" in text
+    assert "untested (1)" in text
     (warning,) = warnings_of(compared)
     assert "no cell has two seeds" in warning.what
 

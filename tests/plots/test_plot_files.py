@@ -18,7 +18,7 @@ from helpers_records import make_cell
 from matplotlib.text import Text
 
 from lfobench.errors import UserError
-from lfobench.plots.figure import FORMATS, PaperFigure, format_of, look, looks, plain
+from lfobench.plots.figure import FORMATS, PaperFigure, format_of, look, looks, one_line
 from lfobench.plots.kinds import PLOTS, draw
 from lfobench.record import Metrics, Record
 from lfobench.tables.building import build_table
@@ -67,7 +67,7 @@ def test_equal_records_give_equal_bytes_and_names_as_they_are_written(kind: str)
     shown = [text.get_text().replace("\n", " ") for text in one.findobj(Text)]
     root = ElementTree.fromstring(one.image("svg"))
     written = ["".join(element.itertext()) for element in root.iter() if element.tag.endswith("}text")]
-    for name in map(plain, HOSTILE):
+    for name in map(one_line, HOSTILE):
         assert any(name in text for text in shown)
     # Short enough to stand on one line.
     for name in HOSTILE[:2]:

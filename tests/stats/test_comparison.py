@@ -173,7 +173,7 @@ def test_a_single_score_cannot_be_tested(test: Test) -> None:
 
 @pytest.mark.parametrize("test", sorted(PAIRED))
 def test_paired_tests_need_the_same_starts(test: Test) -> None:
-    with pytest.raises(ValueError, match=f"'{test}' pairs start states, but one side has 3 and the other 2"):
+    with pytest.raises(ValueError, match=f"'{test}' pairs start states, but one method has 3 and the other 2"):
         p_of(test, [1.0, 2.0, 3.0], [1.0, 2.0])
 
 

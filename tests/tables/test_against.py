@@ -1,4 +1,4 @@
-"""Published numbers beside ours."""
+"""Published columns: scores."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ def test_a_wider_margin_turns_differs_into_matches(table: Table) -> None:
     assert agreements(with_published(table, theirs, 40.0, 0.05, False))[HOPPER, "dilo"] == "matches"
 
 
-def test_ghosts_change_nothing_of_ours(table: Table) -> None:
-    ghosted = with_published(table, published(dilo=Summary(5, 120.0, 1.0)), 5.0, 0.05, False)
-    assert ghosted.columns[: len(table.columns)] == table.columns
-    for (_, before), (_, after) in zip(table.rows(), ghosted.rows(), strict=True):
+def test_published_columns_change_nothing_of_ours(table: Table) -> None:
+    shown_with_published = with_published(table, published(dilo=Summary(5, 120.0, 1.0)), 5.0, 0.05, False)
+    assert shown_with_published.columns[: len(table.columns)] == table.columns
+    for (_, before), (_, after) in zip(table.rows(), shown_with_published.rows(), strict=True):
         assert after.cells[: len(before.cells)] == before.cells
         assert (after.p, after.outcome) == (before.p, before.outcome)
-    assert [group.label for group in column_groups(ghosted.columns)] == ["No expert actions", "Published"]
+    assert [group.label for group in column_groups(shown_with_published.columns)] == ["No expert actions", "Published"]
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_nothing_published_is_said(table: Table) -> None:
 
 def test_two_variants_of_a_method_are_ambiguous(make_cell: Callable[..., list[Record]]) -> None:
     table = build_table(make_cell([1.0, 2.0]) + make_cell([1.0, 2.0], preset="paper"))
-    with pytest.raises(UserError, match="dilo:released and dilo:paper would both be held"):
+    with pytest.raises(UserError, match="dilo:released and dilo:paper would both be compared"):
         with_published(table, published(dilo=Summary(5, 1.0, 1.0)), 5.0, 0.05, False)
 
 
@@ -108,16 +108,16 @@ def test_one_seed_of_ours_decides_nothing(make_record: Callable[..., Record]) ->
 
 
 @pytest.mark.parametrize("format_name", [*FORMATS, "terminal"])
-def test_every_format_shows_ghosts_and_the_margin(table: Table, format_name: str) -> None:
-    ghosted = with_published(table, published(dilo=Summary(5, 92.0, 0.8)), 4.5, 0.05, False)
+def test_every_format_shows_published_columns_and_the_margin(table: Table, format_name: str) -> None:
+    shown_with_published = with_published(table, published(dilo=Summary(5, 92.0, 0.8)), 4.5, 0.05, False)
     if format_name == "terminal":
         console = Console(file=io.StringIO(), width=120, color_system=None)
-        console.print(terminal(ghosted))
+        console.print(terminal(shown_with_published))
         assert isinstance(console.file, io.StringIO)
         text = console.file.getvalue()
         assert "92.0 ± 0.8 ≈" in text
     else:
-        text = export(ghosted, format_name)
+        text = export(shown_with_published, format_name)
         assert "92.0" in text
     if format_name == "csv":
         assert "matches" in text

@@ -1,4 +1,4 @@
-"""Published success counts beside ours."""
+"""Published columns: success counts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lfobench.stats.highlight import Rule
 from lfobench.stats.successes import fisher_test
 from lfobench.tables.building import build_table
 from lfobench.tables.exporters import FORMATS, export
-from lfobench.tables.published_columns import beside, published_counts
+from lfobench.tables.published_columns import published_counts, with_publication
 from lfobench.tables.table import Table, cell_text, column_groups
 
 FISHER = Rule("fisher")
@@ -51,7 +51,7 @@ def table() -> Table:
     )
 
 
-def ghosts(table: Table) -> dict[tuple[str, str], object]:
+def published_cells(table: Table) -> dict[tuple[str, str], object]:
     return {
         (row.task, column.label): cell and (cell.agreement, cell.agreement_p)
         for row, column, cell in table.cells()
@@ -60,8 +60,8 @@ def ghosts(table: Table) -> dict[tuple[str, str], object]:
 
 
 def test_every_verdict_is_fishers_of_the_pooled_counts(table: Table) -> None:
-    shown = beside(table, publication(dilo=(8, 10), bco=(10, 10)), 5.0, anyway=True)
-    found = ghosts(shown)
+    shown = with_publication(table, publication(dilo=(8, 10), bco=(10, 10)), 5.0, anyway=True)
+    found = published_cells(shown)
     task = "safe-manipulation-few-trajectories"
     assert found[task, "dilo"] == ("not told apart", pytest.approx(fisher_test(198, 220, 8, 10)))
     assert found[task, "bco"] == ("differs", pytest.approx(fisher_test(11, 110, 10, 10)))
@@ -80,16 +80,16 @@ def test_the_level_is_the_rules(table: Table) -> None:
         (loose, "differs"),
         (build_table([make_counted(endings(9, 10))], rule=FISHER), "not told apart"),
     ):
-        (found, *_) = ghosts(beside(shown, publication(dilo=(6, 10)), 5.0, anyway=True)).values()
+        (found, *_) = published_cells(with_publication(shown, publication(dilo=(6, 10)), 5.0, anyway=True)).values()
         assert found == (verdict, pytest.approx(p))
 
 
 def test_a_robot_is_never_shown_as_comparable(table: Table) -> None:
     with pytest.raises(UserError) as refused:
-        beside(table, publication(dilo=(8, 10)), 5.0, anyway=False)
+        with_publication(table, publication(dilo=(8, 10)), 5.0, anyway=False)
     assert "simulated (source 'generated', protocol 'quick')" in str(refused.value)
     assert "--anyway" in refused.value.remedy
-    shown = beside(table, publication(dilo=(8, 10)), 5.0, anyway=True)
+    shown = with_publication(table, publication(dilo=(8, 10)), 5.0, anyway=True)
     assert column_groups(shown.columns)[-1].label == "Published, not comparable"
     text = {note.label: note.text for note in shown.notes}
     assert text["Published"].startswith("paper, Robot table: successes out of trials as printed")
@@ -98,7 +98,7 @@ def test_a_robot_is_never_shown_as_comparable(table: Table) -> None:
 
 
 def test_ghosts_change_nothing_of_ours(table: Table) -> None:
-    shown = beside(table, publication(dilo=(0, 10)), 5.0, anyway=True)
+    shown = with_publication(table, publication(dilo=(0, 10)), 5.0, anyway=True)
     for (_, before), (_, after) in zip(table.rows(), shown.rows(), strict=True):
         assert after.cells[: len(before.cells)] == before.cells
         assert (after.p, after.outcome) == (before.p, before.outcome)
@@ -106,7 +106,7 @@ def test_ghosts_change_nothing_of_ours(table: Table) -> None:
 
 @pytest.mark.parametrize("format_name", FORMATS)
 def test_every_format_shows_the_published_counts(table: Table, format_name: str) -> None:
-    text = export(beside(table, publication(dilo=(7, 11)), 5.0, anyway=True), format_name)
+    text = export(with_publication(table, publication(dilo=(7, 11)), 5.0, anyway=True), format_name)
     if format_name == "json":
         cell = json.loads(text)["rows"][0]["cells"][-1]
         assert cell["successes"]["all"] == {"successes": 7, "trials": 11}
@@ -123,7 +123,7 @@ def test_the_robot_table_of_the_seed_paper_is_matched_by_environment_and_group()
         make_counted(endings(9, 10), row=row, group=group, task=f"some name {row} {group}")
         for row, group in (("safe-manipulation", "few-uniform"), ("dynamic-hitting", "400-expert-hit"))
     ]
-    shown = beside(build_table(records, rule=FISHER), read_publication("dilo-2024"), 5.0, anyway=True)
+    shown = with_publication(build_table(records, rule=FISHER), read_publication("dilo-2024"), 5.0, anyway=True)
     texts = [str(cell_text(cell)).split()[0] for _, column, cell in shown.cells() if cell and not column.run_here]
     assert texts == ["5/10", "9/10"]
 
@@ -136,29 +136,29 @@ def test_every_row_of_the_robot_table_can_be_matched() -> None:
 
 def test_nothing_published_is_said(table: Table) -> None:
     with pytest.raises(UserError, match=r"no number for any task and method.*methods somebody"):
-        beside(table, publication(somebody=(1, 2)), 5.0, anyway=True)
+        with_publication(table, publication(somebody=(1, 2)), 5.0, anyway=True)
     with pytest.raises(UserError, match="no table of successes with the columns task, dataset"):
-        beside(table, publication({"env": "hopper"}, dilo=(1, 2)), 5.0, anyway=True)
+        with_publication(table, publication({"env": "hopper"}, dilo=(1, 2)), 5.0, anyway=True)
     means = TableOfMeans("Table 1", (PublishedRow(FIELDS, {"dilo": PrintedMean(1.0, 1.0, 0.1, 0.1, 5, None)}),))
     with pytest.raises(UserError, match="no table of successes"):
-        beside(table, Publication("paper", "", (means,)), 5.0, anyway=True)
+        with_publication(table, Publication("paper", "", (means,)), 5.0, anyway=True)
 
 
 def test_two_variants_of_a_method_are_ambiguous() -> None:
     records = [make_counted(endings(9, 10)), make_counted(endings(9, 10), preset="paper")]
-    with pytest.raises(UserError, match="dilo:released and dilo:paper would both be held"):
-        beside(build_table(records, rule=FISHER), publication(dilo=(1, 2)), 5.0, anyway=True)
+    with pytest.raises(UserError, match="dilo:released and dilo:paper would both be compared"):
+        with_publication(build_table(records, rule=FISHER), publication(dilo=(1, 2)), 5.0, anyway=True)
 
 
 def test_counts_are_not_held_against_scores() -> None:
     scores = build_table([make_counted(endings(9, 10), seed=seed) for seed in range(2)])
     with pytest.raises(UserError, match=r"counts successes on these tasks, and --test welch shows scores.*Leave out"):
-        beside(scores, publication(dilo=(1, 2)), 5.0, anyway=True)
+        with_publication(scores, publication(dilo=(1, 2)), 5.0, anyway=True)
     with pytest.raises(UserError, match="no table that says which source"):
-        beside(build_table(make_cell([1.0, 2.0])), publication(dilo=(1, 2)), 5.0, anyway=True)
+        with_publication(build_table(make_cell([1.0, 2.0])), publication(dilo=(1, 2)), 5.0, anyway=True)
 
 
 def test_a_cell_of_failures_alone_is_shown_without_a_verdict(table: Table) -> None:
     published = publication({"task": "safe-manipulation", "dataset": "fixed-start"}, bco=(1, 2))
-    shown = beside(table, published, 5.0, anyway=True)
-    assert ghosts(shown)["safe-manipulation-fixed-start", "bco"] == (None, None)
+    shown = with_publication(table, published, 5.0, anyway=True)
+    assert published_cells(shown)["safe-manipulation-fixed-start", "bco"] == (None, None)

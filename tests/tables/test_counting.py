@@ -18,8 +18,8 @@ from lfobench.tables.building import build_table
 from lfobench.tables.counting import (
     check_counts,
     counts_successes,
+    final_outcomes,
     fixed_outcomes,
-    further_outcomes,
     scores_are_success_rates,
     some_count_successes,
     successes_of,
@@ -68,7 +68,7 @@ def test_the_episodes_of_a_diverged_seed_are_failures_in_the_denominator() -> No
     assert found.seeds == (Count(99, 110), Count(0, 110), Count(0, 110))
     assert (found.fixed, found.pooled) == (Count(9, 30), Count(99, 330))
     for record in (before_any, after_one):
-        assert set(fixed_outcomes(record)) == set(further_outcomes(record)) == {"diverged"}
+        assert set(fixed_outcomes(record)) == set(final_outcomes(record)) == {"diverged"}
 
 
 def without_outcomes(record: Record) -> Record:

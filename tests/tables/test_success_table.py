@@ -156,16 +156,9 @@ def test_latex_compiles(table: Table, tmp_path: Path) -> None:
 
 def test_it_says_what_is_pooled_and_why_counts_are_tested() -> None:
     text = notes(build_table([*cell([9, 8], further=100), *cell([1, 2], "bco", further=100)], rule=FISHER))
-    assert text["Score"] == (
-        "successes/episodes, and Wilson's 95% interval of the success rate in %. Pooled over seeds: each adds one "
-        "episode of its last policy from each of the 10 fixed test starts and 100 further ones, the same for every "
-        "method and seed."
-    )
-    assert text["Highlighted"] == (
-        "the best success rate in its row among the methods without expert actions, and the second best too unless "
-        "Fisher's exact two-sided test of the pooled counts between them gives p < 0.05. Correction for multiple "
-        "comparisons: none. Counts are tested because every record says how its episodes ended."
-    )
+    assert "Wilson's 95% interval" in text["Score"]
+    assert "10 fixed test starts and 100 further ones" in text["Score"]
+    assert "best success rate" in text["Highlighted"] and "Fisher's exact two-sided test" in text["Highlighted"]
     assert "further" not in notes(build_table(cell([9, 8]), rule=FISHER))["Score"]
 
 
@@ -201,10 +194,8 @@ def test_too_few_episodes_are_said() -> None:
 
 def test_scores_of_counting_records_are_success_rates_and_the_choice_is_said() -> None:
     text = notes(build_table([*cell([9, 8]), *cell([1, 2], "bco")]))
-    assert text["Score"].startswith(
-        "success rate in % of the episodes from the fixed test starts; mean ± sample standard"
-    )
-    assert text["Score"].endswith("shows success counts instead, further starts included.")
+    assert text["Score"].startswith("success rate in % of the episodes from the fixed test starts; mean ±")
+    assert "without --stat and --test" in text["Score"]
     assert "Episodes" not in text
     mixed = notes(build_table([*cell([9, 8]), *make_cell([1.0, 2.0])]))["Score"]
     assert mixed.startswith("normalised return")

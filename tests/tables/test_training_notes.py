@@ -66,16 +66,14 @@ def test_both_kinds_of_data_in_one_table() -> None:
     assert "200 expert trajectories. Expert data: 1,000 rows, observations only. Offline data: 50 suboptimal" in text
 
 
-def test_budgets_differ_by_task_and_further_starts_are_named() -> None:
+def test_budgets_differ_by_task_and_the_final_evaluation_is_named() -> None:
     records = [
         make_counted(endings(1, 10), endings(50, 100)),
         make_counted(endings(1, 11), endings(50, 100), row="puck-striking", group="20-expert"),
     ]
-    assert notes(records)["Protocol"].endswith(
-        "every 1,000 steps an evaluation of 10 or 11 episodes, from the same starts for every method and seed; after "
-        "training, 100 episodes from further starts, likewise."
-    )
-    assert "further" not in notes([recorded()])["Protocol"]
+    text = notes(records)["Protocol"]
+    assert "every 1,000 steps an evaluation of 10 or 11 episodes" in text and "final evaluation of 100 episodes" in text
+    assert "final" not in notes([recorded()])["Protocol"]
 
 
 def test_one_task_is_evaluated_in_one_way() -> None:

@@ -75,7 +75,7 @@ def table_style() -> str:
 
 
 def template_file(package: str, name: str) -> str:
-    """A file beside the templates of a package."""
+    """A file among the templates of a package."""
     return files(package).joinpath("templates", name).read_text(encoding="utf-8")
 
 

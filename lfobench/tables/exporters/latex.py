@@ -80,7 +80,7 @@ def export(table: Table) -> str:
     ]
     slots = [_slots(table, index) for index in range(len(table.columns))]
     for block in table.blocks:
-        # A heading above its rows, not a column beside them: six methods then fit the width of a page.
+        # A heading above its rows, not a column of its own: six methods then fit the width of a page.
         lines += [r"\midrule", rf"\multicolumn{{{len(table.columns) + 1}}}{{@{{}}l}}{{{escape(block.label)}}} \\"]
         for row in block.rows:
             cells = [_cell(cell, slot) for cell, slot in zip(row.cells, slots, strict=True)]
@@ -115,7 +115,7 @@ def _line(fields: list[str]) -> str:
 
 @dataclass(frozen=True)
 class _Slots:
-    """What the cells of one column leave room for, so that right-aligned numbers align at the decimal point."""
+    """Widths that the cells of one column share, so that right-aligned numbers align at the decimal point."""
 
     std_digits: int
     interval_digits: int
@@ -131,17 +131,17 @@ def _slots(table: Table, column: int) -> _Slots:
 
 
 def _cell(cell: Cell | None, slots: _Slots) -> str:
-    """One cell; phantoms stand for what other cells of its column have and this one lacks."""
+    """One cell; phantoms are as wide as what other cells of its column have and this one lacks."""
     text = cell_text(cell) if cell else CellText(MISSING)
     spread = _spread(text.std, slots.std_digits) + _interval(text, slots.interval_digits)
     marks = _marks(cell) if cell else ""
-    # Marks of no width are followed by the room for the widest ones.
-    beside = marks if marks == slots.marks else rf"\rlap{{{marks}}}" * bool(marks) + _phantom(slots.marks)
+    # Marks of no width are followed by a phantom of the widest ones.
+    trail = marks if marks == slots.marks else rf"\rlap{{{marks}}}" * bool(marks) + _phantom(slots.marks)
     if text.mean in (MISSING, CRASHED):
-        # A dash is no minus sign, a word no product. What stands behind it does not keep its distance.
-        return escape(text.mean) + beside + (f"${spread}$" if spread else "")
+        # A dash is no minus sign, a word no product; neither is followed by the space of an operator.
+        return escape(text.mean) + trail + (f"${spread}$" if spread else "")
     number = f"${_number(text.mean)}{spread}$"
-    return (rf"\lfobenchbest{{{number}}}" if cell and cell.highlighted else number) + beside
+    return (rf"\lfobenchbest{{{number}}}" if cell and cell.highlighted else number) + trail
 
 
 def _spread(std: str, digits: int) -> str:
@@ -164,7 +164,7 @@ def _interval(text: CellText, digits: int) -> str:
 
 
 def _phantom(text: str) -> str:
-    """The room that `text` takes, left empty."""
+    """Blank space as wide as `text`."""
     return rf"\phantom{{{text}}}" if text else ""
 
 

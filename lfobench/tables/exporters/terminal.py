@@ -27,7 +27,7 @@ _HIGHLIGHT = "bold green"
 
 
 def terminal(table: Table) -> RenderableType:
-    """What ``Console.print`` draws `table` from.
+    """The table as ``Console.print`` takes it.
 
     Highlighted numbers are bold and green; on a console without styles (a pipe, a log) they carry a `*`.
     """
@@ -60,7 +60,7 @@ class _Drawing:
         self.stub_width = max(*blocks, *(cell_len(harmless(row.label)) + _GAP for _, row in table.rows()))
 
     def parts(self, width: int) -> Iterator[tuple[int, int]]:
-        """Ranges of columns that fit `width` beside the row labels; at least one column each."""
+        """Ranges of columns that fit `width` after the row labels; at least one column each."""
         start = 0
         for stop in range(1, len(self.cells)):
             if self._total(self._widths(start, stop + 1)) > width:
