@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from lfobench.record import SUCCESS, Evaluation, Labels, Record, Tuning, Warning
+from lfobench.cells.cell import Run
+from lfobench.record import SUCCESS, Evaluation, Labels, Metrics, Record, Tuning, Warning
 from lfobench.text import content_hash
 
 
@@ -160,3 +161,22 @@ def endings(successes: int, trials: int, failure: str = "cup hit") -> list[str]:
 def _ended(step: int, outcomes: Sequence[str]) -> Evaluation:
     returns = [float(outcome == SUCCESS) for outcome in outcomes]
     return Evaluation(step=step, returns=returns, lengths=[100] * len(returns), outcomes=list(outcomes))
+
+
+def record_of(run: Run, **changes: Any) -> Record:
+    """A record of a run, with two evaluations."""
+    fields: dict[str, Any] = {
+        "identity_hash": run.identity_hash,
+        "identity": run.identity,
+        "labels": run.cell.labels,
+        "status": "finished",
+        "diverged_at": None,
+        "evaluations": [
+            Evaluation(step=10, returns=[0.1, 1 / 3], lengths=[3, 4]),
+            Evaluation(step=20, returns=[1e-17, 5.5], lengths=[5, 6]),
+        ],
+        "metrics": [Metrics(stage="policy", step=10, values={"loss": 0.1, "gone": None})],
+        "warnings": [Warning(what="low on data", remedy="build more")],
+        "provenance": {"device": {"type": "cpu"}, "seconds": {"train": 1.5}},
+    }
+    return Record(**{**fields, **changes})

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from helpers_engine import never, smoke_cell
-from test_record_folder import record_of
+from helpers_records import record_of
 
 import lfobench
 from lfobench.cells.cell import Run

@@ -3,7 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from helpers_engine import smoke_cell
-from test_record_folder import record_of
+from helpers_records import record_of
 
 from lfobench.cells.cell import Run
 from lfobench.records.folder import differences, explain

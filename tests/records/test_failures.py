@@ -2,38 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import pytest
-from helpers_engine import POLE_TASK, smoke_cell
+from helpers_engine import POLE_TASK
+from helpers_records import record_of
 
 from lfobench.cells.cell import Run
-from lfobench.record import Evaluation, Failure, Record
+from lfobench.record import Failure
 from lfobench.records.folder import RecordFolder, read_failures, write_failure
-
-
-@pytest.fixture
-def run() -> Run:
-    return Run(smoke_cell("bc"), 3)
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> RecordFolder:
-    return RecordFolder(tmp_path / "out")
-
-
-def finished(run: Run) -> Record:
-    return Record(
-        identity_hash=run.identity_hash,
-        identity=run.identity,
-        labels=run.cell.labels,
-        status="finished",
-        diverged_at=None,
-        evaluations=[Evaluation(step=10, returns=[1.0], lengths=[1])],
-        metrics=[],
-        warnings=[],
-        provenance={},
-    )
 
 
 def test_a_failure_comes_back_as_it_was(folder: RecordFolder, run: Run) -> None:
@@ -68,7 +42,7 @@ def test_a_record_since_hides_the_crash_of_its_own_run_alone(folder: RecordFolde
     other = Run(run.cell, 4)
     for each in (run, other):
         write_failure(folder, each, "gone", "")
-    folder.write(run, finished(run))
+    folder.write(run, record_of(run))
     failures, _ = read_failures(folder, folder.read_all().records)
     assert [failure.seed for failure in failures] == [4]
 

@@ -11,40 +11,13 @@ from typing import Any
 
 import pytest
 from helpers_engine import POLE_TASK, smoke_cell
+from helpers_records import record_of
 
 from lfobench.cells.cell import Run
 from lfobench.errors import UserError
-from lfobench.record import Evaluation, Metrics, Record, Warning
+from lfobench.record import Warning
 from lfobench.records.folder import SEAL, RecordFolder, read_failures, read_record, select
 from lfobench.text import content_hash
-
-
-def record_of(run: Run, **changes: Any) -> Record:
-    fields: dict[str, Any] = {
-        "identity_hash": run.identity_hash,
-        "identity": run.identity,
-        "labels": run.cell.labels,
-        "status": "finished",
-        "diverged_at": None,
-        "evaluations": [
-            Evaluation(step=10, returns=[0.1, 1 / 3], lengths=[3, 4]),
-            Evaluation(step=20, returns=[1e-17, 5.5], lengths=[5, 6]),
-        ],
-        "metrics": [Metrics(stage="policy", step=10, values={"loss": 0.1, "gone": None})],
-        "warnings": [Warning(what="low on data", remedy="build more")],
-        "provenance": {"device": {"type": "cpu"}, "seconds": {"train": 1.5}},
-    }
-    return Record(**{**fields, **changes})
-
-
-@pytest.fixture
-def run() -> Run:
-    return Run(smoke_cell("bc"), 3)
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> RecordFolder:
-    return RecordFolder(tmp_path / "out")
 
 
 def test_a_record_comes_back_as_it_was(folder: RecordFolder, run: Run) -> None:

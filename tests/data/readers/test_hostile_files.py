@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from helpers_files import make_episodes, write_d4rl, write_minari, write_robomimic
-from refusals import check_refusals
+from refusals import check_refusals, problem_of
 
 from lfobench.data.readers import robomimic
 from lfobench.data.readers.formats import read
@@ -178,24 +178,13 @@ def link_group(path: Path, field: str) -> None:
         file.create_group(field)
 
 
-def refusal(path: Path, case: str) -> FileProblem:
-    """The problem of a file that a case spoilt."""
-    write_d4rl(path, make_episodes())
-    D4RL_CASES[case][0](path)
-    with pytest.raises(FileProblem) as caught:
-        check(read(path))
-    return caught.value
-
-
-@pytest.mark.parametrize("case", D4RL_CASES)
-def test_a_d4rl_file_is_refused(tmp_path: Path, case: str) -> None:
-    problem = refusal(tmp_path / "file.hdf5", case)
-    assert all(fact in problem.cause for fact in D4RL_CASES[case][1])
-    assert problem.remedy.endswith(".")
-
-
-def test_the_sentences_of_refusals(tmp_path: Path) -> None:
-    check_refusals({case: refusal(tmp_path / f"{case}.hdf5", case) for case in D4RL_CASES}, "d4rl")
+def test_d4rl_files_are_refused(tmp_path: Path) -> None:
+    problems = {}
+    for case, (spoil, facts) in D4RL_CASES.items():
+        path = write_d4rl(tmp_path / f"{case}.hdf5", make_episodes())
+        spoil(path)
+        problems[case] = problem_of(path, *facts)
+    check_refusals(problems, "d4rl")
 
 
 def test_a_remedy_fits_a_file_of_ones_own(tmp_path: Path) -> None:
