@@ -41,6 +41,7 @@ INVERSE_DYNAMICS = "inverse dynamics"
 
 QUICK = {
     "batch_size": 256,
+    "standardize": True,
     "inverse_dynamics_epochs": 2,
     "inverse_dynamics_learning_rate": 1e-3,
     "policy_learning_rate": 1e-3,
@@ -50,6 +51,8 @@ QUICK = {
 class BcoConfig(MethodConfig):
     """Hyperparameters of BCO."""
 
+    later = frozenset({"standardize"})
+
     batch_size: int = Field(1024, ge=1, description="Rows per seed and step.")
     hidden: Widths = Field((256, 256), description="Hidden widths of both networks.")
     inverse_dynamics_epochs: int = Field(5, ge=1, description="Passes of the inverse dynamics model.")
@@ -58,6 +61,7 @@ class BcoConfig(MethodConfig):
     )
     inverse_dynamics_learning_rate: float = Field(3e-4, gt=0, description="Its Adam step size.")
     policy_learning_rate: float = Field(1e-4, gt=0, description="Adam step size of the policy.")
+    standardize: bool = Field(False, description="Shift and scale observations by the data's mean and std.")
 
 
 class Bco(Method):
@@ -82,6 +86,7 @@ class Bco(Method):
             expert=("observation", "next_observation"),
             boundary="exact",
             termination="zero",
+            standardize=config.standardize,
         )
 
     def __init__(self, config: BcoConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:

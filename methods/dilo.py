@@ -74,6 +74,7 @@ if TYPE_CHECKING:
 # steps; results/reference holds what these rates reach.
 QUICK = {
     "batch_size": 256,
+    "standardize": True,
     "value_learning_rate": 2e-3,
     "policy_learning_rate": 1e-3,
     "target_rate": 0.02,
@@ -82,6 +83,8 @@ QUICK = {
 
 class DiloConfig(MethodConfig):
     """Hyperparameters of DILO."""
+
+    later = frozenset({"standardize"})
 
     batch_size: int = Field(1024, ge=1, description="Rows per seed and step from each of offline and expert.")
     hidden: Widths = Field((256, 256), description="Hidden widths of value and policy.")
@@ -109,6 +112,7 @@ class DiloConfig(MethodConfig):
     termination: Termination = Field(
         "teleport", description="What follows a terminal step: teleport (released), zero, absorbing."
     )
+    standardize: bool = Field(False, description="Shift and scale observations by the data's mean and std.")
 
 
 def conjugate(y: Tensor) -> Tensor:
@@ -164,6 +168,7 @@ class Dilo(Method):
             expert=("observation", "next_observation", "second_next_observation", "terminated"),
             boundary="released" if config.termination == "teleport" else "exact",
             termination=config.termination,
+            standardize=config.standardize,
         )
 
     def __init__(self, config: DiloConfig, shapes: Shapes, seeds: Sequence[int], device: torch.device) -> None:

@@ -98,12 +98,11 @@ PROTOCOLS = {
         ),
         Protocol(
             "quick",
-            "12k steps of batch 256 on 200k offline transitions, with learning rates of its own; for a CPU",
+            "12k steps of batch 256 with learning rates of its own; for a CPU",
             steps=12_000,
             evaluation_every=1_000,
             evaluation_episodes=5,
             seeds="0-2",
-            offline_transitions=200_000,
         ),
         Protocol(
             "demo",
@@ -232,7 +231,7 @@ class Cell:
             "method": self.method.name,
             "method_version": self.method.version,
             "preset": self.preset,
-            "config": self.config.model_dump(mode="json"),
+            "config": self.config.identity(),
             "overrides": dict(self.budget),
             "set": dict(self.assigned),
             "task": self.task.name,

@@ -51,9 +51,22 @@ Widths = tuple[Annotated[PositiveInt, Strict()], ...]
 
 
 class MethodConfig(BaseModel):
-    """Hyperparameters of a method; every field carries its own description."""
+    """Hyperparameters of a method; every field carries its own description.
+
+    Class attributes:
+        later: fields that came when records without them existed, and whose default is what those records were made
+            with. They enter a run's identity only where they differ from it, so that the old records are still found.
+    """
+
+    later: ClassVar[frozenset[str]] = frozenset()
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def identity(self) -> dict[str, Any]:
+        """The fields as plain JSON data, as a run's identity holds them."""
+        defaults = {name: self.__class__.model_fields[name].default for name in self.later}
+        silent = {name for name, default in defaults.items() if getattr(self, name) == default}
+        return self.model_dump(mode="json", exclude=silent)
 
 
 @dataclass(frozen=True)
