@@ -243,6 +243,10 @@ class Labels(_Model):
     row: str = Field(description="Row inside the block, e.g. hopper.")
     sees_expert_actions: bool = Field(description="Whether the method was given expert actions.")
     stated: list[str] = Field(description="Fields of the configuration that a footnote names.")
+    uncapped: dict[str, int] = Field(
+        default_factory=dict,
+        description="Offline transitions and expert trajectories of the task's recipe where the protocol caps one.",
+    )
 
 
 class Warning(_Model):

@@ -25,7 +25,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from lfobench.contract.method import Method, MethodConfig
+from lfobench.contract.method import Method, MethodConfig, budget_fields
 from lfobench.contract.suite import Suite
 from lfobench.errors import UserError, cause, unknown_name
 from lfobench.python_files import forget, load_file
@@ -182,7 +182,14 @@ def declaration_faults(method: type[Method]) -> list[str]:
     tables = {"presets": method.presets, "budgets": method.budgets}
     wrong = [kind for kind, table in tables.items() if not _is_named(table, _is_named)]
     faults += [f"its {kind} are not a mapping of names to mappings of fields" for kind in wrong]
-    return faults if wrong else faults + _unfit(config, method.presets, method.budgets)
+    return (
+        faults
+        if wrong
+        else faults
+        + _unfit(
+            config, method.presets, {protocol: budget_fields(fields, 1) for protocol, fields in method.budgets.items()}
+        )
+    )
 
 
 def _unfit(

@@ -53,6 +53,7 @@ import torch
 from pydantic import Field
 
 from lfobench.contract.method import (
+    WHOLE_RUN,
     Batch,
     DataNeeds,
     Method,
@@ -77,6 +78,7 @@ QUICK = {
     "standardize": True,
     "value_learning_rate": 2e-3,
     "policy_learning_rate": 1e-3,
+    "policy_cosine_steps": WHOLE_RUN,
     "target_rate": 0.02,
 }
 

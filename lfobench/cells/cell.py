@@ -10,8 +10,8 @@ from typing import Any, Literal, cast, get_args
 
 from pydantic import ValidationError
 
-from lfobench.cells.recipes import capped, recipe_identity
-from lfobench.contract.method import DataNeeds, Method, MethodConfig, PresetName
+from lfobench.cells.recipes import capped, recipe_identity, sizes
+from lfobench.contract.method import DataNeeds, Method, MethodConfig, PresetName, budget_fields
 from lfobench.contract.suite import Recipe, Task
 from lfobench.errors import UserError, unknown_name
 from lfobench.record import NUMBERS, Labels, Tuning
@@ -49,10 +49,10 @@ class Protocol:
     methods_as: str | None = None
 
     def for_task(self, task: Task) -> Protocol:
-        """What this protocol means for a task that has a budget of its own, and for any other task itself."""
+        """What this protocol means for a task, whose steps it takes where it has none, or whose own budget."""
         budget = task.budgets.get(self.name)
         if budget is None:
-            return self
+            return replace(self, steps=self._own_steps(task))
         return replace(
             self,
             steps=budget.steps,
@@ -98,11 +98,12 @@ PROTOCOLS = {
         ),
         Protocol(
             "quick",
-            "12k steps of batch 256 with learning rates of its own; for a CPU",
+            "12k steps of batch 256 on 200k offline transitions, with learning rates of its own; for a CPU",
             steps=12_000,
             evaluation_every=1_000,
             evaluation_episodes=5,
             seeds="0-2",
+            offline_transitions=200_000,
         ),
         Protocol(
             "demo",
@@ -259,6 +260,7 @@ class Cell:
             row=self.task.environment.name,
             sees_expert_actions=self.method.access_to_expert_actions,
             stated=[field for field in self.method.stated if field not in self._decided_by_the_recipe],
+            uncapped=sizes(self.task.recipe) if self.recipe != self.task.recipe else {},
         )
 
     @property
@@ -332,7 +334,8 @@ def configure(
     for name in assigned:
         if name not in known:
             raise unknown_name(f"field of {method.name} in --set", name, known)
-    budget = {**method.budgets.get(protocol.methods_as or protocol.name, {}), **(settings or {})}
+    declared = method.budgets.get(protocol.methods_as or protocol.name, {})
+    budget = {**budget_fields(declared, protocol.assigned_steps or protocol.steps), **(settings or {})}
     for name, value in assigned.items():
         if isinstance(value, bool) and not isinstance(known[name].default, bool):
             raise UserError(

@@ -44,6 +44,14 @@ def capped(recipe: Recipe, transitions: int | None, trajectories: int | None) ->
     )
 
 
+def sizes(recipe: Recipe) -> dict[str, int]:
+    """What `capped` may reduce, by name."""
+    return {
+        "offline_transitions": recipe.offline_transitions or 0,
+        "expert_trajectories": recipe.expert_trajectories,
+    }
+
+
 def most_rows(recipe: Recipe, horizon: int) -> tuple[int, int]:
     """Offline and expert rows to train on, if every trajectory runs to the horizon."""
     observed = recipe.observed * horizon

@@ -69,6 +69,14 @@ class MethodConfig(BaseModel):
         return self.model_dump(mode="json", exclude=silent)
 
 
+WHOLE_RUN = "whole run"
+
+
+def budget_fields(declared: Mapping[str, Any], steps: int | None) -> dict[str, Any]:
+    """The fields of a declared budget, for a run whose last stage has so many steps; None where no run decides them."""
+    return {name: steps if isinstance(value, str) and value == WHOLE_RUN else value for name, value in declared.items()}
+
+
 @dataclass(frozen=True)
 class DataNeeds:
     """Data that a method must see, and in which form (lfobench/data/boundaries.py defines the rules by name).
@@ -169,7 +177,8 @@ class Method(ABC):
         Config: the hyperparameters; their defaults are the ``released`` preset.
         presets: per preset, the fields that differ from the defaults.
         stated: configuration fields that every footnote names, because the method's numbers mean little without them.
-        budgets: per protocol, the fields that it changes to fit its budget; printed in every footnote.
+        budgets: per protocol, the fields that it changes to fit its budget; printed in every footnote. `WHOLE_RUN` as
+            a value stands for the steps of a run's last stage, whatever decides them.
         grids: fields and the values among which ``lfobench tune`` chooses, where the task declares none for the method.
 
     Attributes:

@@ -20,7 +20,7 @@ import numpy as np
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from lfobench.contract.method import DataNeeds, Method, Metrics, Shapes, Stage, Trajectories
+from lfobench.contract.method import DataNeeds, Method, Metrics, Shapes, Stage, Trajectories, budget_fields
 from lfobench.data.firewall import FirewallError, View, check_declaration
 from lfobench.engine.batches import RunningStep, StageSampler
 from lfobench.engine.probe import random_view
@@ -112,7 +112,8 @@ def require_sound(method: type[Method], config: Any, shapes: Shapes) -> None:
 
 
 def _configured(method: type[Method]) -> Any:
-    return method.Config.model_validate({**method.presets.get("released", {}), **method.budgets.get("smoke", {})})
+    budget = budget_fields(method.budgets.get("smoke", {}), STEPS)
+    return method.Config.model_validate({**method.presets.get("released", {}), **budget})
 
 
 class _Check:

@@ -358,9 +358,27 @@ def _mixed(records: Sequence[Record]) -> str:
         *([trajectories(values("demonstrations", others))] if others else []),
     ]
     return (
-        f"Offline data: {values('offline_transitions', records)} transitions and, with their actions, {mixed}{none}. "
-        f"Expert data: {' or '.join(shown)}, observations only."
+        f"Offline data: {values('offline_transitions', records)} transitions and, with their actions, {mixed}{none}."
+        f"{_changed_ratio(records)} Expert data: {' or '.join(shown)}, observations only."
     )
+
+
+def _changed_ratio(records: Sequence[Record]) -> str:
+    """What the protocol's caps make of the ratio of the mix; empty where they leave it."""
+    factors = [(f"{_expert_weight(record):.3g}", record.labels.group) for record in records]
+    if {factor for factor, _ in factors} == {"1"}:
+        return ""
+    return f" The protocol's caps multiply the weight of expert trajectories in the recipe's mix by {grouped(factors)}."
+
+
+def _expert_weight(record: Record) -> float:
+    """Joining expert trajectories per offline transition, relative to the task's own recipe."""
+    capped, whole = record.identity["recipe"], record.labels.uncapped
+    if not whole or not capped["expert_trajectories"]:
+        return 1.0
+    kept: float = capped["offline_transitions"] / whole["offline_transitions"]
+    joining: float = capped["expert_trajectories"] / whole["expert_trajectories"]
+    return joining / kept
 
 
 def sees_the_mix(record: Record) -> bool:

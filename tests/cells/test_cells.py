@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
-from helpers_engine import TINY, Drifting, smoke_cell
+from helpers_engine import POLE_TASK, TINY, Drifting, never, smoke_cell
 
 from lfobench.cells.cell import PROTOCOLS, Cell, Protocol, Run, configure
+from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.method import MethodConfig, PresetName
 from lfobench.contract.suite import Environment, Recipe
 from lfobench.errors import UserError
@@ -218,6 +219,30 @@ def test_an_unset_field_is_not_an_assignment() -> None:
     assert isinstance(found.config, MethodConfig)
     assert found.budget == {} and found.assigned == {}
     assert presets["released"] == {}
+
+
+@pytest.mark.parametrize("method", ["dilo", "bco"])
+def test_a_field_that_came_later_enters_the_identity_only_where_it_differs(method: str) -> None:
+    cell = smoke_cell(method)
+    changed = replace(cell, config=cell.config.model_copy(update={"standardize": True}))
+    assert "standardize" not in cell.identity["config"]
+    assert changed.identity["config"] == {**cell.identity["config"], "standardize": True}
+    assert type(cell.config).model_validate(cell.identity["config"]) == cell.config
+
+
+@pytest.mark.parametrize(("request_steps", "expected"), [(None, 12_000), (24_000, 24_000)])
+def test_a_schedule_over_the_whole_run_follows_the_steps(request_steps: int | None, expected: int) -> None:
+    (cell,) = make_plan(Request("dilo", TINY, POLE_TASK, protocol="quick", steps=request_steps), never).cells
+    assert cell.config.model_dump()["policy_cosine_steps"] == expected
+
+
+def test_quick_standardises_observations_for_every_method() -> None:
+    for method in map(load_method, ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")):
+        quick, paper = (
+            method.needs(configure(method, "released", PROTOCOLS[protocol], {}).config).standardize
+            for protocol in ("quick", "paper")
+        )
+        assert quick and paper == (method.name not in ("dilo", "bco"))
 
 
 def test_labels_carry_what_tables_need() -> None:

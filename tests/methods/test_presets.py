@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from lfobench import registry
 from lfobench.cells.cell import PROTOCOLS
-from lfobench.contract.method import Field, Method, Shapes, Sizes
+from lfobench.contract.method import Field, Method, Shapes, Sizes, budget_fields
 from lfobench.data.firewall import check_declaration
 
 ALL = registry.method_names()
@@ -120,11 +120,15 @@ def test_both_presets_exist_and_released_is_the_default(method: type[Method]) ->
     assert dict(method.presets["released"]) == {}
 
 
+def budgets(method: type[Method]) -> list[dict[str, object]]:
+    return [budget_fields(fields, 7) for fields in method.budgets.values()]
+
+
 @methods
 def test_overrides_of_presets_and_budgets_name_fields_and_validate(method: type[Method]) -> None:
     assert set(method.budgets) <= set(PROTOCOLS)
     for preset in method.presets.values():
-        for budget in ({}, *method.budgets.values()):
+        for budget in ({}, *budgets(method)):
             overrides = {**preset, **budget}
             assert set(overrides) <= set(method.Config.model_fields)
             config = method.Config(**overrides).model_dump()
@@ -134,7 +138,7 @@ def test_overrides_of_presets_and_budgets_name_fields_and_validate(method: type[
 @methods
 def test_overrides_change_something(method: type[Method]) -> None:
     defaults = method.Config().model_dump()
-    for overrides in (*method.presets.values(), *method.budgets.values()):
+    for overrides in (*method.presets.values(), *budgets(method)):
         assert all(defaults[field] != value for field, value in overrides.items())
 
 
@@ -175,7 +179,7 @@ def test_declarations_pass_the_firewall_under_every_preset(method: type[Method])
 
 @methods
 def test_only_the_last_stage_leaves_its_length_to_the_protocol(method: type[Method]) -> None:
-    for overrides in (*method.presets.values(), *method.budgets.values()):
+    for overrides in (*method.presets.values(), *budgets(method)):
         built = method(method.Config(**overrides), Shapes(4, 2), [0], torch.device("cpu"))
         *earlier, last = built.stages(Sizes(offline=3000, expert=999))
         assert last.steps is None
