@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 DEMO := demo
 REPORT := report.html
 
-.PHONY: setup demo test test-slow docs check bench fuzz report format clean
+.PHONY: setup demo test test-slow docs check bench fuzz report reference format clean
 
 setup: $(VENV)/.ok  ## Create .venv with the versions tested together.
 
@@ -47,6 +47,13 @@ fuzz: setup  ## Ten thousand damaged data files: none may crash a reader, or pas
 
 report: setup  ## The reference records as one page: verdict, table with its four knobs, curves, provenance.
 	$(BIN)/lfobench report --out results/reference/locomotion-quick --to $(REPORT)
+
+REFERENCE := nice -n 15 $(BIN)/lfobench run --protocol quick --seeds 0-2 --workers 1 --out results/reference/table1-quick
+
+reference: setup  ## Table 1 at quick, three seeds, for hours and days beside other work; the same command goes on where it stopped.
+	$(REFERENCE) --methods dilo,smodice,oril,bco,bc --suite locomotion --tasks '*-random-expert,*-medium-expert'
+	$(REFERENCE) --methods dilo,smodice,oril,bco --suite table1
+	$(REFERENCE) --methods bc,bc-expert --suite table1
 
 format: setup
 	$(BIN)/ruff check --fix .
