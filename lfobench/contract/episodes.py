@@ -101,6 +101,18 @@ class Episodes:
         """``[E]`` undiscounted return of every episode."""
         return np.add.reduceat(self.rewards.astype(np.float64), self.first_transition)
 
+    def episode(self, index: int) -> Episodes:
+        """One of the episodes."""
+        step, observation = self.first_transition[index], self.first_observation[index]
+        length = self.lengths[index]
+        return Episodes(
+            self.observations[observation : observation + length + 1],
+            self.actions[step : step + length],
+            self.rewards[step : step + length],
+            self.lengths[index : index + 1],
+            self.terminated[index : index + 1],
+        )
+
     def first_episodes(self, count: int) -> Episodes:
         """The first `count` whole episodes."""
         transitions = int(self.lengths[:count].sum())

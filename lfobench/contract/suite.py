@@ -50,6 +50,7 @@ class Recipe:
         expert_transitions: where given, the number of (s, s', s'') of the demonstrations that are observed, drawn
             uniformly and in random order.
         expert_actions: whether demonstrations have actions; those of a tracked hand have none.
+        success_share: of the offline trajectories, as their level has it by construction; None where nobody chose it.
         equal_transitions: cut the suboptimal part to as many transitions as the demonstrations have.
         standardize: shift and scale observations by the offline data's mean and standard deviation for every method,
             whatever it declares: in metres, a step is a hundredth of the scale that networks are initialised for.
@@ -66,6 +67,7 @@ class Recipe:
     offline_trajectories: int | None = None
     expert_transitions: int | None = None
     expert_actions: bool = True
+    success_share: float | None = None
     equal_transitions: bool = False
     standardize: bool = False
     exact: bool = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,9 @@ import pytest
 from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.suite import Recipe, ScriptedDemonstrator, Suite, Task
 from lfobench.registry import load_method
-from suites.airhockey import APPENDIX, SUITE
+from suites.airhockey import APPENDIX, SHARE, SUITE
 from suites.robot import constants, register_environments
+from suites.robot.demonstrators import SUCCESS_SHARES
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "results" / "published" / "dilo-2024" / "airhockey.csv"
 
@@ -84,15 +86,26 @@ def test_the_expert_data_is_counted_as_in_the_paper(suite: Suite, task: Task) ->
     assert recipe.expert_actions == ("cross-embodiment" not in task.name)
     assert recipe.expert.endswith("-fixed") == (task.group == "fixed-start")
     judged = "-touch" if task.group.endswith("touch") else ""
-    assert recipe.offline == f"suboptimal{judged}"
+    assert recipe.offline == f"{'half-successful' if suite is SUITE else 'suboptimal'}{judged}"
+    assert recipe.success_share == (0.5 if suite is SUITE else None)
     assert recipe.expert.endswith("-touch") == bool(judged)
     assert recipe.equal_transitions == (suite is SUITE)
     if suite is APPENDIX:
         assert recipe.offline_trajectories == 50
 
 
+def test_every_share_has_its_own_task_that_differs_in_nothing_else() -> None:
+    shares = [task.recipe.success_share for task in SHARE.tasks]
+    assert shares == [*SUCCESS_SHARES.values()] * 3
+    half = [task for task in SHARE.tasks if task.recipe.success_share == 0.5]
+    for task in half:
+        original = next(each for each in SUITE.tasks if task.name.startswith(each.name))
+        assert replace(task.recipe, offline_trajectories=1) == replace(original.recipe, offline_trajectories=1)
+        assert task.environment == original.environment
+
+
 @pytest.mark.slow
-@each
+@pytest.mark.parametrize("task", [*SUITE.tasks, *SHARE.tasks], ids=lambda task: task.name)
 def test_there_are_enough_offline_recordings_for_an_equal_share(task: Task) -> None:
     recipe = recipe_of(task)
     steps = []
@@ -105,7 +118,7 @@ def test_there_are_enough_offline_recordings_for_an_equal_share(task: Task) -> N
     assert recipe.offline_trajectories * offline > 1.2 * recipe.demonstrations * expert
 
 
-@pytest.mark.parametrize("suite", [SUITE, APPENDIX], ids=lambda suite: suite.name)
+@pytest.mark.parametrize("suite", [SUITE, APPENDIX, SHARE], ids=lambda suite: suite.name)
 def test_every_name_that_a_suite_uses_is_known(suite: Suite) -> None:
     assert suite.scene is not None
     for task in suite.tasks:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -66,12 +66,17 @@ def starts(scatter: float | None, draws: Draws) -> Array | None:
 class SafeTeleoperation(ScriptedDemonstrator):
     """An expert with a mouse, who goes round the cups, corrects, and rests above the bowl.
 
+    Class attributes:
+        embodiment: the arm is observed, or the object that the camera tracks.
+
     Attributes:
         scatter: standard deviation in metres, per axis, of starts about the corner; None for the task's random starts.
         person: model of the hand.
         pace: timing of the strokes.
         care: for the cups.
     """
+
+    embodiment: ClassVar[Literal["robot", "hand"]] = "robot"
 
     scatter: float | None = None
     person: Person = MOUSE
@@ -81,12 +86,19 @@ class SafeTeleoperation(ScriptedDemonstrator):
     def perform(self, episodes: int, generator: np.random.Generator) -> Take:
         """Recordings, whose actions are fractions of the robot's clip as it was sent them."""
         draws = Draws(generator, episodes)
-        simulation = Simulation(SafeManipulation(), episodes, LIMIT + 1, ends=False)
+        simulation = Simulation(SafeManipulation(self.embodiment), episodes, LIMIT + 1, ends=False)
         first = simulation.reset(draws.seeds.tolist(), starts(self.scatter, draws))
         start = simulation.effector
         points = self.care.points(draws, start, WORKSPACE_LOW, WORKSPACE_HIGH)
         way = journey(self.person, self.pace, draws, start, points)
         return drag(simulation, first, self.person, way, draws, LIMIT)
+
+
+@dataclass(frozen=True)
+class TrackedTeleoperation(SafeTeleoperation):
+    """The same expert, of whose work the camera's track of the object is observed in place of the arm."""
+
+    embodiment: ClassVar[Literal["robot", "hand"]] = "hand"
 
 
 @dataclass(frozen=True)

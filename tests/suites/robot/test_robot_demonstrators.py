@@ -16,6 +16,7 @@ from suites.robot import constants, tasks
 from suites.robot.demonstrators import demonstrator, demonstrators
 from suites.robot.demonstrators.hitting import Hitting
 from suites.robot.demonstrators.manipulation import SafeTeleoperation
+from suites.robot.demonstrators.mixture import BLOCK, Mixture
 from suites.robot.demonstrators.recording import SUCCESS, Take
 from suites.robot.simulation import Simulation
 
@@ -27,7 +28,18 @@ OBSERVATION = {
     "puck-striking": 4,
     "dynamic-hitting": 14,
 }
-ALL = [(environment, level) for environment, levels in demonstrators().items() for level in levels]
+ALL = [
+    (environment, level)
+    for environment, levels in demonstrators().items()
+    for level, maker in levels.items()
+    if not isinstance(maker, Mixture)
+]
+MIXTURES = [
+    (environment, level, maker)
+    for environment, levels in demonstrators().items()
+    for level, maker in levels.items()
+    if isinstance(maker, Mixture)
+]
 every = pytest.mark.parametrize(("environment", "level"), [pair for pair in ALL if "repeated" not in pair[1]])
 
 
@@ -90,6 +102,39 @@ def test_one_seed_gives_one_recording_and_a_longer_one_begins_with_it(environmen
         np.testing.assert_array_equal(getattr(once, name), getattr(again, name))
         np.testing.assert_array_equal(getattr(once, name), getattr(longer.first_episodes(4), name))
     assert once.observations.tobytes() != other.observations.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("environment", "level", "mixture"), [each for each in MIXTURES if each[1].removesuffix("-touch") != "failing"]
+)
+def test_every_block_of_a_mixture_has_its_share_of_successes(environment: str, level: str, mixture: Mixture) -> None:
+    recorded = mixture.perform(2 * BLOCK, np.random.default_rng(3))
+    succeeds = recorded.outcomes == SUCCESS
+    np.testing.assert_array_equal(succeeds.reshape(2, BLOCK).mean(1), mixture.share)
+    np.testing.assert_array_equal(recorded.episodes.returns(), succeeds)
+    assert np.isfinite(recorded.episodes.actions).all()
+    assert recorded.episodes.observations.shape[1] == OBSERVATION[environment]
+
+
+def test_a_longer_mixture_begins_with_the_shorter_one_and_its_order_is_random() -> None:
+    mixture = demonstrator("puck-striking", "half-successful")
+    short, long = (mixture.record(count, np.random.default_rng(3)) for count in (5, 24))
+    for name in ("observations", "actions", "rewards", "lengths"):
+        np.testing.assert_array_equal(getattr(short, name), getattr(long.first_episodes(5), name))
+    blocks = {tuple(block) for block in long.returns().reshape(-1, BLOCK)}
+    assert len(blocks) > 2
+
+
+def test_a_mixture_repeats_no_recording_of_the_experts_themselves() -> None:
+    levels = demonstrators()["puck-striking"]
+    experts, mixed = (levels[level].record(12, np.random.default_rng(0)) for level in ("expert", "successful"))
+    first = {observation.tobytes() for observation in experts.observations[experts.first_observation]}
+    assert not first & {observation.tobytes() for observation in mixed.observations[mixed.first_observation]}
+
+
+def test_success_shares_enter_the_fingerprint() -> None:
+    fingerprints = [maker.fingerprint for _, _, maker in MIXTURES]
+    assert len(set(fingerprints)) == len(fingerprints) == 25
 
 
 def test_a_success_is_one_by_the_environments_own_rules() -> None:
