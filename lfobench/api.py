@@ -19,7 +19,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from lfobench.cells.names import split_names
 from lfobench.cells.plan import Plan, Request
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Filters",
     "Selection",
+    "Starts",
     "export",
     "knobs",
     "outcomes",
@@ -63,6 +64,10 @@ COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
 """Order of the columns where none is asked for; other methods follow as they first appear."""
 
 
+Starts = Literal["all", "published"]
+"""The fixed test starts that a view counts: every one, or the first ones, which a publication has."""
+
+
 class Filters(TypedDict, total=False):
     """Which records of a folder a view shows; what is left out filters nothing."""
 
@@ -72,6 +77,7 @@ class Filters(TypedDict, total=False):
     source: str | None
     preset: str | None
     methods: str | None
+    starts: Starts
 
 
 @dataclass(frozen=True)
@@ -258,6 +264,8 @@ def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:
     if columns:
         records = [record for record in records if record.method in columns]
         failed = [failure for failure in failed if failure.method in columns]
+    if filters.get("starts", "all") == "published":
+        records = [record.from_published_starts() for record in records]
     suites = {record.labels.suite for record in records} | {failure.labels.suite for failure in failed}
     registered = load_suites(set() if given else suites)
     known = [given] if given else registered.loaded.values()

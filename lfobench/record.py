@@ -221,6 +221,13 @@ class Evaluation(_Model):
             raise ValueError(f"it has {len(self.returns)} returns and {len(self.outcomes)} outcomes")
         return self
 
+    def first(self, count: int) -> Evaluation:
+        """The first so many of its episodes."""
+        outcomes = None if self.outcomes is None else self.outcomes[:count]
+        return self.model_copy(
+            update={"returns": self.returns[:count], "lengths": self.lengths[:count], "outcomes": outcomes}
+        )
+
     @property
     def successes(self) -> int | None:
         """Episodes that succeeded; None where the environment does not say how they ended."""
@@ -243,6 +250,9 @@ class Labels(_Model):
     row: str = Field(description="Row inside the block, e.g. hopper.")
     sees_expert_actions: bool = Field(description="Whether the method was given expert actions.")
     stated: list[str] = Field(description="Fields of the configuration that a footnote names.")
+    published_starts: int | None = Field(
+        default=None, ge=1, description="Fixed test starts of a publication, the first ones of this task."
+    )
     uncapped: dict[str, int] = Field(
         default_factory=dict,
         description="Offline transitions and expert trajectories of the task's recipe where the protocol caps one.",
@@ -410,6 +420,28 @@ class Record(_Model):
             return []
         by_start = zip(*(evaluation.returns for evaluation in evaluations), strict=True)
         return [self.normalized_score(mean(returns)) for returns in by_start]
+
+    def from_published_starts(self) -> Record:
+        """The record as if it had been evaluated from the publication's fixed starts alone, without a final evaluation.
+
+        Raises:
+            UserError: the task has no such subset, or an evaluation fewer episodes.
+        """
+        count = self.labels.published_starts
+        if count is None or any(len(evaluation.returns) < count for evaluation in self.evaluations):
+            raise UserError(
+                f"{self.method} on {self.task}, seed {self.seed}, was not evaluated from a publication's own starts.",
+                "Leave out --starts, or such records with --suite or --protocol.",
+            )
+        protocol = {**self.identity["protocol"], "evaluation_episodes": count}
+        protocol.pop("further_episodes", None)
+        return self.model_copy(
+            update={
+                "identity": {**self.identity, "protocol": protocol},
+                "evaluations": [evaluation.first(count) for evaluation in self.evaluations],
+                "further": None,
+            }
+        )
 
     def bounded(self) -> Record:
         """The record as every view takes it; this one unless the score of an episode is beyond `LARGEST_SCORE`.

@@ -260,6 +260,7 @@ class Cell:
             row=self.task.environment.name,
             sees_expert_actions=self.method.access_to_expert_actions,
             stated=[field for field in self.method.stated if field not in self._decided_by_the_recipe],
+            published_starts=self.task.published_starts,
             uncapped=sizes(self.task.recipe) if self.recipe != self.task.recipe else {},
         )
 

@@ -25,9 +25,9 @@ def plot(
         str,
         typer.Argument(
             help="curves (score against steps), scores (every seed), profiles (fraction of runs above a score), "
-            "improvement (probability that one method beats another), ranking (critical differences) or metrics (of "
-            "training); "
-            "or a suite, by name or path, whose tasks are then seen from above."
+            "improvement (probability that one method beats another), ranking (critical differences), metrics (of "
+            "training) or share (scores against the share of successes in the offline data); or a suite, by name or "
+            "path, whose tasks are then seen from above."
         ),
     ],
     to: Annotated[Path, typer.Option(help="The file to write: .png, .svg or .pdf.")],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
@@ -187,6 +187,10 @@ SuiteFilter = Annotated[
 ProtocolFilter = Annotated[str | None, typer.Option("--protocol", help="Only records of this protocol.")]
 StepsFilter = Annotated[int | None, typer.Option("--steps", help="Only records of this many gradient steps.")]
 SourceFilter = Annotated[str | None, typer.Option("--source", help="Only records of this source.")]
+StartsName = Annotated[
+    str,
+    typer.Option("--starts", help="Fixed test starts that count: all, or published, those that a paper has."),
+]
 PresetFilter = Annotated[str | None, typer.Option("--preset", help="Only records of this preset.")]
 MethodsFilter = Annotated[str | None, typer.Option("--methods", help="Comma-separated methods, in column order.")]
 
@@ -199,12 +203,27 @@ def select_records(
     source: str | None = None,
     preset: str | None = None,
     methods: str | None = None,
+    starts: str = "all",
 ) -> Selection:
-    """The records of a folder that pass the filters; warnings of the folder are printed."""
-    from lfobench import api
+    """The records of a folder that pass the filters; warnings of the folder are printed.
 
+    Raises:
+        UserError: as the API, or for unknown starts.
+    """
+    from lfobench import api
+    from lfobench.errors import unknown_name
+
+    if starts not in get_args(api.Starts):
+        raise unknown_name("starts", starts, get_args(api.Starts))
     selection = api.select_records(
-        out, suite=suite, protocol=protocol, steps=steps, source=source, preset=preset, methods=methods
+        out,
+        suite=suite,
+        protocol=protocol,
+        steps=steps,
+        source=source,
+        preset=preset,
+        methods=methods,
+        starts=cast("api.Starts", starts),
     )
     warn(selection.warnings)
     return selection

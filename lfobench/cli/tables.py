@@ -57,6 +57,7 @@ def table(
     source: options.SourceFilter = None,
     preset: options.PresetFilter = None,
     methods: options.MethodsFilter = None,
+    starts: options.StartsName = "all",
     against: Annotated[
         str | None,
         typer.Option(help="A publication, e.g. dilo-2024: its numbers in columns after ours, each compared with ours."),
@@ -78,7 +79,7 @@ def table(
         _check_outcomes(context, format_name)
     elif format_name != TERMINAL:
         check_format(format_name)
-    selected = options.select_records(out, suite, protocol, steps, source, preset, methods)
+    selected = options.select_records(out, suite, protocol, steps, source, preset, methods, starts)
     if outcomes:
         _print_outcomes(selected, format_name)
         return

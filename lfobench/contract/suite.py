@@ -331,6 +331,7 @@ class Task:
         files: source name, e.g. ``d4rl``, to its files.
         read_from: files of the chosen source; None generates the data.
         simulator: packages, besides gymnasium and mujoco, whose versions decide the dynamics.
+        published_starts: how many of the fixed test starts, the first ones, a publication has.
     """
 
     name: str
@@ -345,6 +346,7 @@ class Task:
     files: Mapping[str, Files] = field(default_factory=dict)
     read_from: Files | None = None
     simulator: tuple[str, ...] = ()
+    published_starts: int | None = None
 
     def __post_init__(self) -> None:
         if self.paper_steps < 1:

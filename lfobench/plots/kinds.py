@@ -10,6 +10,7 @@ from lfobench.plots.comparisons import improvement, profiles, ranking, scores
 from lfobench.plots.curves import curves
 from lfobench.plots.figure import WIDTHS, PaperFigure
 from lfobench.plots.metrics import metrics
+from lfobench.plots.success_share import success_share
 from lfobench.record import Record
 from lfobench.tables.table import Table
 
@@ -27,6 +28,7 @@ PLOTS: dict[str, Plot] = {
     "improvement": lambda table, _records, width, _methods: improvement(table, width),
     "ranking": _of_table(ranking),
     "metrics": metrics,
+    "share": success_share,
 }
 
 

@@ -178,3 +178,30 @@ def test_a_changed_further_episode_is_a_changed_run(counted: Path, tmp_path: Pat
     assert one.identity_hash == other.identity_hash
     folders = [write_records(tmp_path / name, [record]) for name, record in (("one", one), ("other", other))]
     assert "identical" not in lfobench_command("compare", *folders).out
+
+
+def test_the_starts_of_a_publication_are_a_subset(tmp_path: Path, lfobench_command: InProcess) -> None:
+    records = [
+        make_counted([*endings(4, 10), *endings(successes, 40)], endings(50, 50), method, seed)
+        for method, successes in (("dilo", 30), ("bco", 2))
+        for seed in range(2)
+    ]
+    marked = [
+        each.model_copy(update={"labels": each.labels.model_copy(update={"published_starts": 10})}) for each in records
+    ]
+    folder = write_records(tmp_path / "marked", marked)
+    counts = {
+        starts: [cell["successes"]["all"] for cell in json.loads(found.out)["rows"][0]["cells"]]
+        for starts in ("all", "published")
+        if (found := lfobench_command("table", "--out", folder, "--starts", starts, "--format", "json"))
+    }
+    assert counts["published"] == [{"successes": 8, "trials": 20}] * 2
+    assert [count["trials"] for count in counts["all"]] == [200, 200]
+    assert "from each of the 10 fixed test starts." in flat(
+        lfobench_command("table", "--out", folder, "--starts", "published").out
+    )
+    assert_refused(lfobench_command("table", "--out", folder, "--starts", "paper"), "published")
+
+
+def test_records_without_a_publications_starts_are_refused(counted: Path, lfobench_command: InProcess) -> None:
+    assert_refused(lfobench_command("table", "--out", counted, "--starts", "published"), "--starts")

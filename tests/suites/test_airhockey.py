@@ -70,11 +70,12 @@ def test_ten_tasks_in_the_order_of_the_published_table() -> None:
 
 
 @each
-def test_a_task_has_the_published_number_of_test_starts(task: Task) -> None:
+def test_a_task_has_many_test_starts_and_the_published_number_of_them_as_a_subset(task: Task) -> None:
     trials = {int(row["trials"]) for row in published() if f"{row['task']}-{row['dataset']}" == task.name}
     for protocol in ("paper", "quick", "demo"):
-        assert {task.budgets[protocol].evaluation_episodes} == trials
-        assert task.budgets[protocol].further_episodes == 100
+        assert task.budgets[protocol].evaluation_episodes >= 50
+        assert task.budgets[protocol].further_episodes == 50
+    assert {task.published_starts} == trials
     assert task.budgets["smoke"].further_episodes == 0
     assert task.budgets["paper"].methods is None and task.budgets["quick"].methods == "demo"
 
