@@ -66,6 +66,9 @@ def table(
     anyway: Annotated[
         bool, typer.Option("--anyway", help="Show published numbers of another source or protocol, labelled as such.")
     ] = False,
+    wide: Annotated[
+        bool, typer.Option("--wide", help="Intervals and counts in every cell, however wide the table gets.")
+    ] = False,
 ) -> None:
     """Mean ± std over seeds, or successes/episodes, the supported winners highlighted, a footnote that defines it all.
 
@@ -87,7 +90,7 @@ def table(
     if against is not None:
         built = api.compare_with_publication(built, against, margin, anyway)
     if format_name == TERMINAL:
-        output.print(terminal(built))
+        output.print(terminal(built, wide))
     else:
         output.out(export(built, format_name), end="", highlight=False)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from lfobench.score import Statistic
@@ -276,6 +276,15 @@ def cell_text(cell: Cell) -> CellText:
         high=high,
         p="" if cell.agreement_p is None else "<0.001" if cell.agreement_p < 0.001 else f"{cell.agreement_p:.2g}",
     )
+
+
+def compact_text(cell: Cell) -> CellText:
+    """The printed parts of `cell` where there is little space: of a success rate, whole per cent alone."""
+    text = cell_text(cell)
+    if cell.successes is None:
+        return text
+    rate = 100.0 * cell.successes.pooled.successes / cell.successes.pooled.trials
+    return replace(text, mean=f"{rate:.0f}%", low="", high="", p="")
 
 
 def _numbers(cell: Cell) -> tuple[str, str, str, str]:

@@ -12,9 +12,11 @@ import pytest
 from helpers_cli import InProcess, assert_refused
 from helpers_folders import with_provenance, write_records
 from helpers_records import endings, make_cell, make_counted
+from rich.console import Console
 
 import lfobench
 from lfobench import api
+from lfobench.tables.exporters.terminal import terminal
 
 TASKS = (("safe-manipulation", "few-trajectories"), ("puck-striking", "20-expert"))
 
@@ -52,6 +54,17 @@ def test_counts_are_the_default(counted: Path, lfobench_command: InProcess) -> N
     assert "Counts are tested because every record says how its episodes ended" in flat(outcome.out)
     asked = lfobench_command("table", "--out", counted, "--test", "fisher")
     assert asked.out == outcome.out
+
+
+def test_a_narrow_terminal_gets_rates_and_a_wide_one_counts(counted: Path) -> None:
+    def printed(width: int, wide: bool) -> str:
+        console = Console(file=io.StringIO(), width=width, color_system=None)
+        console.print(terminal(api.table(counted), wide))
+        assert isinstance(console.file, io.StringIO)
+        return console.file.getvalue()
+
+    assert "81%*" in printed(50, wide=False) and "267/330" not in printed(50, wide=False)
+    assert "267/330 [76, 85]*" in printed(50, wide=True)
 
 
 def test_welch_shows_scores_as_ever(counted: Path, lfobench_command: InProcess) -> None:
@@ -99,7 +112,7 @@ def test_mistakes_are_one_line(
 
 
 def test_the_robot_beside_the_simulation(counted: Path, lfobench_command: InProcess) -> None:
-    outcome = lfobench_command("table", "--out", counted, "--against", "dilo-2024", "--anyway")
+    outcome = lfobench_command("table", "--out", counted, "--against", "dilo-2024", "--anyway", "--wide")
     assert (outcome.code, outcome.err) == (0, "")
     assert "Published, not comparable" in outcome.out
     assert "8/10 [49, 94] ∼ p " in outcome.out

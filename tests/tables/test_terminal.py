@@ -43,11 +43,11 @@ random+expert
 """
 
 
-def draw(table: Table, width: int = 100, color: bool = False) -> str:
+def draw(table: Table, width: int = 100, color: bool = False, wide: bool = False) -> str:
     console = Console(
         file=io.StringIO(), width=width, force_terminal=color, color_system="truecolor" if color else None
     )
-    console.print(terminal(table))
+    console.print(terminal(table, wide))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
@@ -78,7 +78,7 @@ def test_decimal_points_stand_below_each_other_whatever_the_marks(marked: Table,
 
 @pytest.mark.parametrize("width", [48, 60, 80, 92, 120])
 def test_marks_never_widen_a_line_beyond_the_terminal(marked: Table, width: int) -> None:
-    drawn = draw(marked, width)
+    drawn = draw(marked, width, wide=True)
     assert max(map(cell_len, drawn.splitlines())) <= width
     for whole in ("100.0 ±  4.0†*", "66.7 ± 57.7 * ✗1 !2", "89.3 ± 5.0", "103.3"):
         assert whole in drawn
@@ -93,14 +93,24 @@ def test_highlighted_numbers_are_bold(make_cell: Callable[..., list[Record]]) ->
 
 @pytest.mark.parametrize("width", [50, 60, 80, 100, 200])
 def test_no_line_is_wider_than_the_terminal_and_no_number_is_cut(example: list[Record], width: int) -> None:
-    drawn = draw(build_table(example, methods=METHODS), width)
+    drawn = draw(build_table(example, methods=METHODS), width, wide=True)
     assert max(map(len, drawn.splitlines())) <= width
     for number in ("4.4 ± 0.6", "45.3 ±  4.5", "55.0 ± 22.9", "66.6 ± 57.7* ✗1", "100.9 ± 2.7*"):
         assert number in drawn
 
 
+@pytest.mark.parametrize("width", [76, 80])
+def test_five_methods_fit_in_compact_cells_that_keep_every_number_and_mark(example: list[Record], width: int) -> None:
+    body, _, footnote = draw(build_table(example, methods=METHODS), width).partition("\n\n")
+    assert max(map(len, body.splitlines())) <= width
+    assert footnote.startswith("Cells") and "--wide" in footnote
+    for number in ("4.4±0.6", "45.3± 4.5", "55.0±22.9", "66.6±57.7* ✗1", "100.9±2.7*"):
+        assert number in body
+    assert "Cells" not in draw(build_table(example, methods=METHODS), 200)
+
+
 def test_parts_of_a_wide_table_repeat_the_row_labels(example: list[Record]) -> None:
-    *parts, _ = draw(build_table(example), 60).split("\n\n")
+    *parts, _ = draw(build_table(example), 60, wide=True).split("\n\n")
     assert len(parts) > 1
     for part in parts:
         labels = [line.split()[0] for line in part.splitlines() if line.startswith("  ") and "±" in line]
