@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from benchmarks.pairs import Contender, Spread, alternate
-from lfobench.cells.cell import Cell
+from lfobench.cells.cell import Assigned, Cell
 from lfobench.cells.parts import SHARD_TRANSITIONS, requests
 from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.episodes import Episodes
@@ -65,7 +65,7 @@ def _episodes(length: int, generator: np.random.Generator) -> Episodes:
 
 def cell_of(method: str, protocol: str, device: torch.device, steps: int | None = None) -> Cell:
     """The benchmark's task under a protocol."""
-    request = Request(method, SUITE, TASK, protocol=protocol, device=device.type, steps=steps)
+    request = Request(method, SUITE, TASK, protocol=protocol, device=device.type, assigned=Assigned(steps))
     (cell,) = make_plan(request, torch.cuda.is_available).cells
     return cell
 
@@ -105,7 +105,7 @@ def whole_cell(device: torch.device, seeds: int, evaluators: int, quick: bool) -
     on_cuda = device.type == "cuda"
     cell = cell_of("dilo", "paper", device) if on_cuda else cell_of("dilo", "quick", device, steps=400)
     if quick:
-        cell = small(replace(cell, protocol=replace(cell.protocol, assigned_steps=20)))
+        cell = small(replace(cell, protocol=replace(cell.protocol, assigned=Assigned(steps=20))))
     with built_task(cell) as root, TemporaryDirectory() as out:
         job = Job(cell, tuple(range(seeds)), Path(out), root, device.type, evaluators=evaluators)
         started = time.perf_counter()

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
+from lfobench.cells.cell import Assigned
 from lfobench.cells.names import split_names
 from lfobench.cells.plan import Plan, Request
 from lfobench.errors import UserError, unknown_name
@@ -115,6 +116,9 @@ def run(
     seeds: str | Sequence[int] | None = None,
     protocol: str = "auto",
     steps: int | None = None,
+    evaluation_every: int | None = None,
+    evaluation_episodes: int | None = None,
+    final_episodes: int | None = None,
     preset: str = "released",
     set: Mapping[str, Any] | None = None,
     source: str = "auto",
@@ -140,6 +144,9 @@ def run(
         seeds: numbers, or text as ``0-6``.
         protocol: as ``--protocol``.
         steps: as ``--steps``.
+        evaluation_every: as ``--evaluation-every``.
+        evaluation_episodes: as ``--evaluation-episodes``.
+        final_episodes: as ``--final-episodes``.
         preset: as ``--preset``.
         set: ``{"dilo.tau": 3}``.
         source: as ``--source``.
@@ -179,7 +186,7 @@ def run(
         assignments=tuple(f"{field}={json.dumps(value)}" for field, value in (set or {}).items()),
         source=source,
         device=device,
-        steps=steps,
+        assigned=Assigned(steps, evaluation_every, evaluation_episodes, final_episodes),
         precision=precision,
         grids=tuple(f"{field}={json.dumps(list(values))[1:-1]}" for field, values in (grid or {}).items()),
     )

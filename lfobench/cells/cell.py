@@ -19,6 +19,26 @@ from lfobench.text import content_hash
 
 
 @dataclass(frozen=True)
+class Assigned:
+    """Numbers that a user puts in the place of a protocol's, and of a task's own budget under it; None puts none.
+
+    Attributes:
+        steps: gradient steps of a method's last stage.
+        evaluation_every: steps between evaluations.
+        evaluation_episodes: episodes of every evaluation.
+        final_episodes: episodes from further starts, run once by the trained policy.
+    """
+
+    steps: int | None = None
+    evaluation_every: int | None = None
+    evaluation_episodes: int | None = None
+    final_episodes: int | None = None
+
+
+NOTHING_ASSIGNED = Assigned()
+
+
+@dataclass(frozen=True)
 class Protocol:
     """A training and evaluation budget.
 
@@ -31,7 +51,7 @@ class Protocol:
         seeds: the default of ``--seeds``.
         offline_transitions: cap on the offline part; None keeps the recipe's.
         expert_trajectories: cap on K; None keeps the recipe's.
-        assigned_steps: what ``--steps`` puts in the place of `steps`, if anything.
+        assigned: what the user decided. Its steps stand beside `steps`, since an identity says so.
         further_episodes: from further starts, run once by the trained policy.
         methods_as: the protocol whose settings of the methods are taken; None takes this one's own.
     """
@@ -44,27 +64,27 @@ class Protocol:
     seeds: str
     offline_transitions: int | None = None
     expert_trajectories: int | None = None
-    assigned_steps: int | None = None
+    assigned: Assigned = NOTHING_ASSIGNED
     further_episodes: int = 0
     methods_as: str | None = None
 
     def for_task(self, task: Task) -> Protocol:
         """What this protocol means for a task, whose steps it takes where it has none, or whose own budget."""
-        budget = task.budgets.get(self.name)
-        if budget is None:
-            return replace(self, steps=self._own_steps(task))
+        budget, assigned = task.budgets.get(self.name), self.assigned
+        own = self if budget is None else budget
+        every, episodes, final = assigned.evaluation_every, assigned.evaluation_episodes, assigned.final_episodes
         return replace(
             self,
-            steps=budget.steps,
-            evaluation_every=budget.evaluation_every,
-            evaluation_episodes=budget.evaluation_episodes,
-            further_episodes=budget.further_episodes,
-            methods_as=budget.methods,
+            steps=self._own_steps(task) if budget is None else budget.steps,
+            evaluation_every=own.evaluation_every if every is None else every,
+            evaluation_episodes=own.evaluation_episodes if episodes is None else episodes,
+            further_episodes=own.further_episodes if final is None else final,
+            methods_as=self.methods_as if budget is None else budget.methods,
         )
 
     def steps_for(self, task: Task) -> int:
         """Gradient steps of a method's last stage on `task`."""
-        return self._own_steps(task) if self.assigned_steps is None else self.assigned_steps
+        return self._own_steps(task) if self.assigned.steps is None else self.assigned.steps
 
     def _own_steps(self, task: Task) -> int:
         return task.paper_steps if self.steps is None else self.steps
@@ -336,7 +356,7 @@ def configure(
         if name not in known:
             raise unknown_name(f"field of {method.name} in --set", name, known)
     declared = method.budgets.get(protocol.methods_as or protocol.name, {})
-    budget = {**budget_fields(declared, protocol.assigned_steps or protocol.steps), **(settings or {})}
+    budget = {**budget_fields(declared, protocol.assigned.steps or protocol.steps), **(settings or {})}
     for name, value in assigned.items():
         if isinstance(value, bool) and not isinstance(known[name].default, bool):
             raise UserError(

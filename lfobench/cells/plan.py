@@ -7,7 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from lfobench.cells.cell import Cell, Protocol, Run, check_precision, configure, load_protocol
+from lfobench.cells.cell import (
+    NOTHING_ASSIGNED,
+    Assigned,
+    Cell,
+    Protocol,
+    Run,
+    check_precision,
+    configure,
+    load_protocol,
+)
 from lfobench.cells.names import chosen_methods, chosen_tasks, parse_assignments, parse_seeds
 from lfobench.cells.parts import requests, simulator_versions
 from lfobench.cells.sources import Find, choose_source, nowhere, read_from
@@ -32,7 +41,7 @@ class Request:
     assignments: Sequence[str] = field(default_factory=tuple)
     source: str = "auto"
     device: str = "auto"
-    steps: int | None = None
+    assigned: Assigned = NOTHING_ASSIGNED
     precision: str = "auto"
     grids: Sequence[str] = ()
 
@@ -82,7 +91,7 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
     device = choose_device(request.device, cuda_available)
     precision = check_precision(request.precision, device)
     protocol, reason = choose_protocol(request.protocol, device)
-    protocol = replace(protocol, assigned_steps=request.steps)
+    protocol = replace(protocol, assigned=request.assigned)
     suite = load_suite(request.suite)
     source, own = choose_source(request.source, suite)
     chosen = chosen_tasks(suite, request.tasks)

@@ -183,7 +183,7 @@ def tune_command(request: Request, protocol: str, lacking: Sequence[Search], out
         "--suite": request.suite,
         "--tasks": ",".join(dict.fromkeys(search.cell.task.name for search in lacking)),
         "--protocol": protocol,
-        "--steps": request.steps,
+        "--steps": request.assigned.steps,
         "--preset": request.preset,
         "--source": request.source,
         "--device": request.device,

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lfobench.api import Selection
+    from lfobench.cells.cell import Assigned
     from lfobench.cells.plan import Request
     from lfobench.record import Warning
     from lfobench.registry import Suites
@@ -32,6 +33,16 @@ ProtocolName = Annotated[
     str, typer.Option("--protocol", help="paper, quick, demo, smoke, or auto: paper on a CUDA device, quick on a CPU.")
 ]
 Steps = Annotated[int | None, typer.Option(min=1, help="Gradient steps, in place of the protocol's own number.")]
+EvaluationEvery = Annotated[
+    int | None, typer.Option("--evaluation-every", min=1, help="Steps between evaluations, in place of the protocol's.")
+]
+EvaluationEpisodes = Annotated[
+    int | None, typer.Option("--evaluation-episodes", min=1, help="Episodes of every evaluation, likewise.")
+]
+FinalEpisodes = Annotated[
+    int | None,
+    typer.Option("--final-episodes", min=0, help="Episodes from further starts, run by the trained policy alone."),
+]
 Preset = Annotated[str, typer.Option(help="released (the authors' code) or paper (what the paper says).")]
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="METHOD.FIELD=VALUE, repeatable, e.g. --set dilo.tau=3.")
@@ -89,7 +100,7 @@ def request(
     assign: list[str] | None,
     source: str,
     device: str,
-    steps: int | None,
+    assigned: Assigned,
     precision: str,
     grid: list[str] | None = None,
 ) -> Request:
@@ -106,7 +117,7 @@ def request(
         tuple(assign or ()),
         source,
         device,
-        steps,
+        assigned,
         precision,
         tuple(grid or ()),
     )

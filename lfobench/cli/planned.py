@@ -42,8 +42,9 @@ def show(schedule: Schedule, out: Path) -> None:
     output.print(f"protocol  {protocol.name}{reason}: {protocol.summary}")
     for budget in dict.fromkeys(_budget(cell.protocol) for cell in plan.cells if cell.protocol != protocol):
         output.print(f"budget    the tasks' own: {budget}", soft_wrap=True)
-    if protocol.assigned_steps is not None:
-        output.print(f"steps     {protocol.assigned_steps:,}, set with --steps")
+    for name, value in asdict(protocol.assigned).items():
+        if value is not None:
+            output.print(f"{_ASSIGNED[name]:<9} {value:,}, set with --{name.replace('_', '-')}")
     if tuned := sum(cell.tuning is not None for cell in plan.cells):
         output.print(f"tuned     {tuned} of {len(plan.cells)} cells, as 'lfobench tune' chose")
     output.print(f"device    {plan.device}{_arrangement(schedule)}")
@@ -77,6 +78,15 @@ def scaled_actions(tasks: Sequence[Task]) -> dict[str, ActionBox]:
     """The box of every task whose environment takes other actions than those in [-1, 1]."""
     boxes = {task.name: task.environment.spaces.actions for task in tasks}
     return {name: box for name, box in boxes.items() if not box.is_unit}
+
+
+_ASSIGNED = {
+    "steps": "steps",
+    "evaluation_every": "interval",
+    "evaluation_episodes": "episodes",
+    "final_episodes": "final",
+}
+"""Headings of what the user decided."""
 
 
 def _lacking(needs: Needs) -> str:
@@ -116,7 +126,7 @@ def as_json(schedule: Schedule, expected: Forecast) -> dict[str, Any]:
         "suite": schedule.plan.suite.name,
         "protocol": schedule.plan.protocol.name,
         "protocol_reason": schedule.plan.protocol_reason,
-        "assigned_steps": schedule.plan.protocol.assigned_steps,
+        "assigned": asdict(schedule.plan.protocol.assigned),
         "device": schedule.plan.device,
         "workers": schedule.workers,
         "shards_to_build": len(schedule.shards),

@@ -62,6 +62,9 @@ def why(
     seeds: options.Seeds = None,
     protocol: options.ProtocolName = "auto",
     steps: options.Steps = None,
+    evaluation_every: options.EvaluationEvery = None,
+    evaluation_episodes: options.EvaluationEpisodes = None,
+    final_episodes: options.FinalEpisodes = None,
     preset: options.Preset = "released",
     assign: options.Assignments = None,
     source: options.Source = "auto",
@@ -76,12 +79,14 @@ def why(
 
     Example: lfobench why --methods dilo --tasks hopper-random-expert --set dilo.tau=3
     """
+    from lfobench.cells.cell import Assigned
     from lfobench.data.source import declared_fingerprints
     from lfobench.files import cache_folder
     from lfobench.records.folder import RecordFolder, explain, read_folder
     from lfobench.schedule.jobs import resolve
 
-    wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
+    assigned = Assigned(steps, evaluation_every, evaluation_episodes, final_episodes)
+    wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, assigned, precision, grid)
     plan = resolve(wanted, choices_in(out, tuned, grid))
     read = read_folder(out)
     warn(read.warnings)

@@ -18,6 +18,9 @@ def run(
     seeds: options.Seeds = None,
     protocol: options.ProtocolName = "auto",
     steps: options.Steps = None,
+    evaluation_every: options.EvaluationEvery = None,
+    evaluation_episodes: options.EvaluationEpisodes = None,
+    final_episodes: options.FinalEpisodes = None,
     preset: options.Preset = "released",
     assign: options.Assignments = None,
     source: options.Source = "auto",
@@ -40,6 +43,7 @@ def run(
     """
     from rich.markup import escape
 
+    from lfobench.cells.cell import Assigned
     from lfobench.cli import planned
     from lfobench.cli.progress import carry_out
     from lfobench.records.folder import ASIDE, read_folder
@@ -47,7 +51,8 @@ def run(
     from lfobench.schedule.jobs import arranged, forecast, resolve, within_memory
     from lfobench.text import counted
 
-    wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
+    assigned = Assigned(steps, evaluation_every, evaluation_episodes, final_episodes)
+    wanted = request(methods, suite, tasks, seeds, protocol, preset, assign, source, device, assigned, precision, grid)
     plan = resolve(wanted, choices_in(out, tuned, grid))
     read = read_folder(out)
     warn(read.warnings)

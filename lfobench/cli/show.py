@@ -264,7 +264,7 @@ def _show_task(suite: str, name: str, protocol_name: str, source: str, as_json: 
 def _show_fields(protocol: Protocol, as_json: bool) -> None:
     from lfobench.cli import planned
 
-    of_tasks = ("assigned_steps", "further_episodes", "methods_as")
+    of_tasks = ("assigned", "further_episodes", "methods_as")
     fields = {name: value for name, value in planned.plain(protocol).items() if name not in of_tasks}
     if as_json:
         print_json(fields)

@@ -57,6 +57,7 @@ def tune(
     """
     from dataclasses import replace
 
+    from lfobench.cells.cell import Assigned
     from lfobench.cells.tuning import searches
     from lfobench.cli import planned
     from lfobench.cli.progress import carry_out
@@ -65,7 +66,8 @@ def tune(
     from lfobench.schedule.jobs import arranged, forecast, resolve, within_memory
 
     named = methods if methods is not None else _all_with_grids(suite, tasks, grid or ())
-    wanted = request(named, suite, tasks, seeds, protocol, preset, assign, source, device, steps, precision, grid)
+    assigned = Assigned(steps)
+    wanted = request(named, suite, tasks, seeds, protocol, preset, assign, source, device, assigned, precision, grid)
     plan = resolve(wanted)
     found = searches(plan, wanted)
     trials = replace(plan, cells=tuple(trial for search in found for trial in search.trials(starts)))

@@ -12,7 +12,7 @@ from typing import Any, cast
 import pytest
 from helpers_engine import POLE_TASK, TINY, Drifting, never, smoke_cell
 
-from lfobench.cells.cell import PROTOCOLS, Cell, Protocol, Run, configure
+from lfobench.cells.cell import PROTOCOLS, Assigned, Cell, Protocol, Run, configure
 from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.method import MethodConfig, PresetName
 from lfobench.contract.suite import Environment, Recipe
@@ -133,7 +133,7 @@ CHANGES_THAT_COUNT: dict[str, dict[str, Any]] = {
     "expert part": {"data": {**base().data, "expert": "0" * 64}},
     "protocol name": protocol(name="other"),
     "steps": protocol(steps=41),
-    "assigned steps": protocol(assigned_steps=41),
+    "assigned steps": protocol(assigned=Assigned(steps=41)),
     "evaluation interval": protocol(evaluation_every=11),
     "evaluation episodes": protocol(evaluation_episodes=3),
     "simulator": {"simulator": {**base().simulator, "mujoco": "0.0"}},
@@ -232,7 +232,9 @@ def test_a_field_that_came_later_enters_the_identity_only_where_it_differs(metho
 
 @pytest.mark.parametrize(("request_steps", "expected"), [(None, 12_000), (24_000, 24_000)])
 def test_a_schedule_over_the_whole_run_follows_the_steps(request_steps: int | None, expected: int) -> None:
-    (cell,) = make_plan(Request("dilo", TINY, POLE_TASK, protocol="quick", steps=request_steps), never).cells
+    (cell,) = make_plan(
+        Request("dilo", TINY, POLE_TASK, protocol="quick", assigned=Assigned(request_steps)), never
+    ).cells
     assert cell.config.model_dump()["policy_cosine_steps"] == expected
 
 
@@ -243,6 +245,16 @@ def test_quick_standardises_observations_for_every_method() -> None:
             for protocol in ("quick", "paper")
         )
         assert quick and paper == (method.name not in ("dilo", "bco"))
+
+
+def test_assigned_evaluations_take_the_place_of_a_tasks_own_budget_and_of_nothing_else() -> None:
+    assigned = Assigned(evaluation_episodes=7)
+    for suite, tasks in ((TINY, POLE_TASK), ("airhockey", "puck-striking-20-expert")):
+        plain, changed = (
+            make_plan(Request("bc", suite, tasks, protocol="quick", assigned=each), never).cells[0].identity
+            for each in (Assigned(), assigned)
+        )
+        assert changed == {**plain, "protocol": {**plain["protocol"], "evaluation_episodes": 7}}
 
 
 def test_labels_carry_what_tables_need() -> None:

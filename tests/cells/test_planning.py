@@ -9,6 +9,7 @@ import tiny_suite
 from helpers_engine import TINY
 
 from lfobench.cells import plan as planning
+from lfobench.cells.cell import Assigned
 from lfobench.cells.plan import Request, make_plan
 from lfobench.contract.suite import Suite
 from lfobench.errors import UserError
@@ -49,14 +50,14 @@ def test_paper_steps_come_from_the_task(locomotion: Suite) -> None:
 
 
 def test_steps_can_be_assigned(locomotion: Suite) -> None:
-    plan = make_plan(Request("dilo", "locomotion", protocol="paper", steps=50_000), cpu)
+    plan = make_plan(Request("dilo", "locomotion", protocol="paper", assigned=Assigned(50_000)), cpu)
     found = [cell.identity["protocol"] for cell in plan.cells]
     assert {(one["name"], one["steps"], one["steps_assigned"]) for one in found} == {("paper", 50_000, True)}
 
 
 def test_assigning_the_steps_that_a_protocol_has_anyway_is_the_same_run() -> None:
     own = make_plan(Request("bc", TINY, protocol="quick"), cpu)
-    assigned = make_plan(Request("bc", TINY, protocol="quick", steps=own.protocol.steps), cpu)
+    assigned = make_plan(Request("bc", TINY, protocol="quick", assigned=Assigned(own.protocol.steps)), cpu)
     assert [run.identity_hash for run in own.runs] == [run.identity_hash for run in assigned.runs]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from helpers_engine import never, smoke_cell
 
-from lfobench.cells.cell import Cell
+from lfobench.cells.cell import Assigned, Cell
 from lfobench.cells.plan import Plan, Request, make_plan
 from lfobench.cells.tuning import Search, search_of, searches, tune_command
 from lfobench.contract.suite import Budget
@@ -155,7 +155,7 @@ def test_an_untuned_identity_is_what_it_was() -> None:
 @pytest.mark.parametrize(
     "request_",
     [
-        {"steps": 41},
+        {"assigned": Assigned(41)},
         {"preset": "paper"},
         {"precision": "bf16"},
         {"assignments": ("bc.batch_size=16",)},
@@ -236,7 +236,9 @@ def test_a_field_of_the_grid_cannot_be_set() -> None:
 
 def test_the_command_that_makes_a_choice_repeats_the_request() -> None:
     assigned = ("bc.batch_size=16", "bc.learning_rate=3", "dilo.tau=2", "bco.batch_size=8")
-    request = Request("bc,bco,dilo", TUNED, protocol="auto", steps=30, preset="paper", assignments=assigned)
+    request = Request(
+        "bc,bco,dilo", TUNED, protocol="auto", assigned=Assigned(30), preset="paper", assignments=assigned
+    )
     lacking = [search(MEDIUM), search(RANDOM)]
     words = shlex.split(tune_command(request, "quick", lacking, "some runs"))
     assert words == [

@@ -512,6 +512,19 @@ def test_assigned_steps_are_in_the_plan_and_the_record(tmp_path: Path, lfobench_
     assert [evaluation.step for evaluation in record.evaluations] == [10, 20, 25]
 
 
+def test_assigned_evaluations_are_in_the_plan_and_the_record(tmp_path: Path, lfobench_command: InProcess) -> None:
+    asked = ("--evaluation-every", "20", "--evaluation-episodes", "3", "--final-episodes", "4")
+    common = ("--methods", "bc", *TINY_SMOKE, "--seeds", "0", "--workers", "1", "--out", tmp_path)
+    outcome = lfobench_command("run", *common, *asked)
+    assert outcome.code == 0
+    assert all(f"set with {flag}" in outcome.out for flag in asked[::2])
+    (record,) = RecordFolder(tmp_path).read_all().records
+    assert [(evaluation.step, len(evaluation.returns)) for evaluation in record.evaluations] == [(20, 3), (40, 3)]
+    assert record.further is not None and len(record.further.returns) == 4
+    assert lfobench_command("why", *common[:-4], "--out", tmp_path, *asked).out.count("reused") == 1
+    assert lfobench_command("run", *common, "--evaluation-episodes", "0").code == 2
+
+
 def test_a_suite_by_path(tmp_path: Path, lfobench_command: InProcess) -> None:
     outcome = lfobench_command("run", "--methods", "bc", *TINY_SMOKE, "--workers", "1", "--out", tmp_path / "runs")
     assert outcome.code == 0
