@@ -16,7 +16,22 @@ if TYPE_CHECKING:
     from lfobench.api import export, plot, report, run, table
     from lfobench.records.frame import load
 
-__all__ = ["__version__", "export", "load", "plot", "report", "run", "table"]
+__all__ = [
+    "__version__",
+    "audit",
+    "check",
+    "compare",
+    "export",
+    "load",
+    "outcomes",
+    "plot",
+    "power",
+    "report",
+    "run",
+    "select_records",
+    "table",
+    "video",
+]
 
 __version__ = "0.1.0"
 

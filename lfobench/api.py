@@ -15,27 +15,29 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict
+from typing import TYPE_CHECKING, Any
 
-from lfobench.cells.cell import Assigned
-from lfobench.cells.names import split_names
+from lfobench.analyses.audit import Audit, audit_publication
+from lfobench.analyses.compare import Compared, NamedRuns, pair_folders, pair_methods
+from lfobench.analyses.compare import compare as judge
+from lfobench.analyses.power import SeedPlan, read_pilot, seeds_needed
+from lfobench.cells.cell import Assigned, configure, load_protocol
+from lfobench.cells.names import select_tasks
 from lfobench.cells.plan import Plan, Request
 from lfobench.errors import UserError, unknown_name
-from lfobench.files import write_text
-from lfobench.record import Failure, Record, Warning
-from lfobench.records.folder import RecordFolder, RecordsRead, read_failures, read_folder, select
+from lfobench.files import replacing, writable_folder, write_text
+from lfobench.records.folder import RecordFolder, RecordsRead, read_failures, read_folder
 from lfobench.records.published import read_publication
-from lfobench.registry import give_method, is_place, load_method, load_suite, load_suites
-from lfobench.score import Statistic
-from lfobench.stats.highlight import Rule
-from lfobench.tables.building import build_table
+from lfobench.registry import give_method, is_place, load_method
+from lfobench.selection import COLUMN_ORDER, Filters, Selection, select_records
+from lfobench.stats.power import Design
 from lfobench.tables.counting import knobs
 from lfobench.tables.exporters import export
-from lfobench.tables.outcomes import OutcomeTable, outcome_table
+from lfobench.tables.outcomes import OutcomeTable
 from lfobench.tables.published_columns import with_publication
 from lfobench.tables.table import Table
 from lfobench.text import harmless
@@ -44,68 +46,28 @@ if TYPE_CHECKING:
     from typing import Unpack
 
     from lfobench.contract.method import Method
+    from lfobench.engine.method_check import Finding
+    from lfobench.engine.trained import Trace
     from lfobench.plots.figure import PaperFigure
     from lfobench.schedule.jobs import Forecast, Schedule
 
 __all__ = [
     "Filters",
     "Selection",
-    "Starts",
+    "audit",
+    "check",
+    "compare",
     "export",
     "knobs",
     "outcomes",
     "plot",
+    "power",
     "report",
     "run",
     "select_records",
     "table",
+    "video",
 ]
-
-COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
-"""Order of the columns where none is asked for; other methods follow as they first appear."""
-
-
-Starts = Literal["all", "published"]
-"""The fixed test starts that a view counts: every one, or the first ones, which a publication has."""
-
-
-class Filters(TypedDict, total=False):
-    """Which records of a folder a view shows; what is left out filters nothing."""
-
-    suite: str | None
-    protocol: str | None
-    steps: int | None
-    source: str | None
-    preset: str | None
-    methods: str | None
-    starts: Starts
-
-
-@dataclass(frozen=True)
-class Selection:
-    """What a view is made of.
-
-    Attributes:
-        records: those that pass the filters.
-        failures: crashed runs that pass them and have left no record since.
-        warnings: what reading the folder has to say.
-        tasks: names in row order.
-        methods: names in column order.
-    """
-
-    records: Sequence[Record]
-    failures: Sequence[Failure]
-    warnings: Sequence[Warning]
-    tasks: Sequence[str]
-    methods: Sequence[str]
-
-    def table(self, statistic: Statistic, rule: Rule) -> Table:
-        """The table of the selected records."""
-        return build_table(self.records, statistic, rule, self.tasks, self.methods, self.failures)
-
-    def outcomes(self) -> OutcomeTable:
-        """How the episodes of the selected records ended."""
-        return outcome_table(self.records, self.tasks, self.methods, self.failures)
 
 
 def run(
@@ -238,53 +200,6 @@ def _carry_out(todo: Schedule, expected: Forecast, out: Path, progress: Callable
     return lines.problems
 
 
-def select_records(out: str | Path, **filters: Unpack[Filters]) -> Selection:
-    """The records of a folder that pass the filters. A suite may be the path of its file; methods order the columns.
-
-    Raises:
-        UserError: no folder, an unknown method, or nothing passes.
-    """
-    folder = RecordFolder(Path(out))
-    read = folder.read_all()
-    failures, unread = read_failures(folder, read.records)
-    suite = filters.get("suite")
-    given = load_suite(suite) if suite is not None and suite.endswith(".py") else None
-    wanted: dict[str, str | int | None] = {
-        "suite": given.name if given else suite,
-        "protocol": filters.get("protocol"),
-        "steps": filters.get("steps"),
-        "source": filters.get("source"),
-        "preset": filters.get("preset"),
-    }
-    records, failed = select(read.records, **wanted), select(failures, **wanted)
-    named = split_names(filters.get("methods") or "")
-    columns = [load_method(name).name if is_place(name) else name for name in named]
-    present = {record.method for record in records} | {failure.method for failure in failed}
-    for column in columns:
-        if column not in present:
-            raise unknown_name("method among these records", column, present)
-    if read.records and not records and not failed:
-        raise UserError(
-            f"None of the {len(read.records)} records in {out} passes the filters.",
-            f"'lfobench status --out {out}' lists what is there.",
-        )
-    if columns:
-        records = [record for record in records if record.method in columns]
-        failed = [failure for failure in failed if failure.method in columns]
-    if filters.get("starts", "all") == "published":
-        records = [record.from_published_starts() for record in records]
-    suites = {record.labels.suite for record in records} | {failure.labels.suite for failure in failed}
-    registered = load_suites(set() if given else suites)
-    known = [given] if given else registered.loaded.values()
-    return Selection(
-        records,
-        failed,
-        [*read.warnings, *unread, *registered.broken],
-        [task.name for known_suite in known for task in known_suite.tasks],
-        columns or COLUMN_ORDER,
-    )
-
-
 def table(
     out: str | Path,
     *,
@@ -391,8 +306,251 @@ def report(
     return page
 
 
+def compare(
+    first: str | Path,
+    second: str | Path,
+    out: str | Path = "runs",
+    *,
+    allow: Sequence[str] = (),
+    statistic: str | None = None,
+    test: str | None = None,
+    correction: str = "holm",
+    alpha: float = 0.05,
+    **filters: Unpack[Filters],
+) -> Compared:
+    """Better, worse or undecided, task by task, as ``lfobench compare`` prints it.
+
+    Args:
+        first: a method of `out`, or a folder.
+        second: another method, or the folder that is judged against the first.
+        out: the folder of both methods.
+        allow: conditions in which two folders may differ.
+        statistic: as ``--stat``.
+        test: as ``--test``.
+        correction: for the number of cells.
+        alpha: level of the test.
+        filters: which records take part.
+
+    Raises:
+        UserError: as the command line says it.
+    """
+    names = str(first), str(second)
+    folders = _are_folders(*names)
+    if allow and not folders:
+        raise UserError(
+            "--allow is for two folders: methods of one folder are compared under the same conditions.",
+            "Leave it out, or put their records into two folders.",
+        )
+    found = [_some_selected(name, **filters) for name in (names if folders else (str(out),))]
+    scored, rule = knobs(
+        [record for each in found for record in each.records], statistic, test, "all", correction, alpha
+    )
+    if not folders:
+        (only,) = found
+        return judge(pair_methods(only.records, only.failures, *names, scored, only.tasks, rule), rule, scored)
+    reference, subject = (
+        NamedRuns(name, heading, each.records, each.failures)
+        for name, heading, each in zip(names, "AB", found, strict=True)
+    )
+    tasks = list(dict.fromkeys(task for each in found for task in each.tasks))
+    return judge(pair_folders(reference, subject, scored, tasks, list(allow), rule), rule, scored)
+
+
+def _are_folders(first: str, second: str) -> bool:
+    """Whether both names are folders; refuses one folder, and what can only be a folder and is not there."""
+    folders = [_is_folder(name) for name in (first, second)]
+    if all(folders):
+        return True
+    if not any(folders) and os.sep not in first + second:
+        return False
+    missing = [name for name, there in zip((first, second), folders, strict=True) if not there]
+    raise UserError(
+        f"'{missing[0]}' is no folder"
+        + (f", and '{second if missing[0] == first else first}' is one." if any(folders) else "."),
+        "Name two folders of records, or two methods of the folder that --out names.",
+    )
+
+
+def _is_folder(name: str) -> bool:
+    try:
+        return Path(name).is_dir()
+    except OSError:
+        return False
+
+
+def audit(
+    publication: str | Path,
+    *,
+    sizes: Sequence[int] = (),
+    methods: Sequence[str] = (),
+    test: str = "welch",
+    count_test: str = "fisher",
+    correction: str = "none",
+    alpha: float = 0.05,
+) -> Audit:
+    """Which highlights of a published table follow from its numbers, as ``lfobench audit`` prints it.
+
+    Args:
+        publication: its name, or a CSV file.
+        sizes: samples behind each mean, each at least 2; as the file states where there are none.
+        methods: that compete, at least two; as the paper says where there are none.
+        test: of means, ``welch`` or ``student``.
+        count_test: of counts, ``fisher`` or ``boschloo``.
+        correction: of the rule, for the number of rows.
+        alpha: level of the test.
+
+    Raises:
+        UserError: as the command line says it.
+    """
+    return audit_publication(read_publication(str(publication)), sizes, methods, test, count_test, correction, alpha)
+
+
+def power(
+    out: str | Path = "runs",
+    *,
+    effect: float = 10.0,
+    power: float = 0.8,
+    seeds: int = 5,
+    workers: int = 1,
+    statistic: str | None = None,
+    test: str = "welch",
+    scope: str = "group",
+    correction: str = "holm",
+    alpha: float = 0.05,
+    **filters: Unpack[Filters],
+) -> SeedPlan:
+    """Seeds that a comparison needs, from the spread of a pilot, as ``lfobench power`` prints it.
+
+    Args:
+        out: the pilot's records, two seeds of two methods at the least.
+        effect: difference of two means that must not be missed, in points.
+        power: probability of seeing it, if it is there.
+        seeds: per method and task, as you would plan them.
+        workers: jobs at once.
+        statistic: as ``--stat``.
+        test: as ``--test``.
+        scope: which methods compete where none are named among the filters.
+        correction: for the number of tasks.
+        alpha: level of the test.
+        filters: which records take part; methods that are named compete, whatever their group.
+
+    Raises:
+        UserError: as the command line says it.
+    """
+    chosen = _some_selected(out, "Run two seeds of two methods first: they are the pilot.", **filters)
+    scored, rule = knobs(chosen.records, statistic, test, scope, correction, alpha)
+    pilot = read_pilot(chosen.records, scored, "all" if filters.get("methods") else rule.scope, chosen.tasks)
+    return seeds_needed(pilot, Design(effect, power, rule.alpha, rule.test, rule.correction, seeds), workers)
+
+
+def check(
+    method: str | type[Method],
+    *,
+    protocol: str = "smoke",
+    preset: str = "released",
+    set: Mapping[str, Any] | None = None,
+) -> list[Finding]:
+    """The rules of the contract, each kept or broken, as ``lfobench check`` prints them.
+
+    Args:
+        method: a name, a place or a class.
+        protocol: whose budget of the method is checked.
+        preset: of the method.
+        set: fields of its configuration, ``{"learning_rate": 0.1}``.
+
+    Raises:
+        UserError: as the command line says it.
+    """
+    # Imported here because it loads torch.
+    from lfobench.engine.method_check import check_method
+
+    known = load_method(method) if isinstance(method, str) else give_method(method, method.__qualname__)
+    return check_method(known, configure(known, preset, load_protocol(protocol), set or {}).config)
+
+
+MOST_EPISODES = 12
+"""Of one film, whose pictures are held in memory until a GIF is whole."""
+
+
+def video(
+    method: str,
+    task: str,
+    to: str | Path,
+    out: str | Path = "runs",
+    *,
+    seed: int = 0,
+    episodes: str = "0",
+    tuned: bool | None = None,
+    **filters: Unpack[Filters],
+) -> tuple[list[Trace], float]:
+    """Film a trained policy from above, as ``lfobench video`` does.
+
+    Args:
+        method: with records, by its name or place.
+        task: of a suite that is seen from above.
+        to: the file, ``.gif`` or ``.mp4``.
+        out: the folder of records and policies.
+        seed: whose policy.
+        episodes: fixed starts, e.g. ``0-3``.
+        tuned: only a run whose hyperparameters were chosen, or only one whose were not.
+        filters: which records are meant.
+
+    Returns:
+        what happened, one trace per start, and the film's seconds.
+
+    Raises:
+        UserError: as the command line says it.
+    """
+    # Imported here because they load torch and matplotlib.
+    from lfobench.engine.trained import of_seed, outcomes_of, scene_of, starts_of, suite_of, traces_of
+    from lfobench.plots.film import Film, movie_format, write_movie
+
+    to = Path(to)
+    format_name = movie_format(to)
+    method = load_method(method).name if is_place(method) else method
+    filters["methods"] = method
+    selected = _selected(out, **filters)
+    present = {record.task for record in selected.records}
+    if present and task not in present:
+        raise unknown_name(f"task among the records of {method}", task, present)
+    meant = [
+        record
+        for record in selected.records
+        if record.task == task and (tuned is None or (record.tuning is not None) == tuned)
+    ]
+    record, *others = of_seed(meant, seed)
+    if others:
+        raise UserError(
+            f"{1 + len(others)} runs of {method} on {task} have seed {seed}.",
+            "Choose one with --tuned or --untuned, --preset, --protocol, --steps, --source or --suite; runs that "
+            "differ by --set alone need folders of their own.",
+        )
+    found = suite_of(record, filters.get("suite"))
+    scene = scene_of(found)
+    of_suite = select_tasks(found.tasks, [task])[0]
+    writable_folder(to.parent, "--to")
+    traces, problems = traces_of(Path(out), record, of_suite, starts_of(episodes, record, MOST_EPISODES))
+    for problem in problems:
+        warnings.warn(harmless(f"{problem.what} {problem.remedy}"), stacklevel=2)
+    title = f"{method} on {task}, seed {seed}"
+    film = Film(scene(of_suite.environment.name), title, traces, outcomes_of(selected.records))
+    with replacing(to) as temporary:
+        write_movie(film, temporary, format_name)
+    return traces, len(film) / film.pictures_per_second
+
+
 def _selected(out: str | Path, **filters: Unpack[Filters]) -> Selection:
     selection = select_records(out, **filters)
     for warning in selection.warnings:
         warnings.warn(harmless(f"{warning.what} {warning.remedy}"), stacklevel=3)
     return selection
+
+
+def _some_selected(
+    out: str | Path, remedy: str = "Run 'lfobench run' first, or name another folder.", **filters: Unpack[Filters]
+) -> Selection:
+    """The records of a folder, of which there must be some."""
+    found = _selected(out, **filters)
+    if not found.records:
+        raise UserError(f"{out} holds no records.", remedy)
+    return found

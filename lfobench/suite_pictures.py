@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lfobench.api import Selection
 from lfobench.cells.cell import load_protocol
 from lfobench.cells.names import select_tasks, split_names
 from lfobench.cells.parts import build_command
@@ -23,6 +22,7 @@ from lfobench.plots.kinds import PLOTS
 from lfobench.plots.paths import Demonstrated, Field, Hit, RolledOut, field, field_points, hitting, paths
 from lfobench.record import Record, Warning
 from lfobench.registry import load_suite, load_suites, suite_names
+from lfobench.selection import Selection
 from lfobench.tables.comparable import arrange_columns
 from lfobench.tables.counting import knobs
 from lfobench.tables.table import Table

@@ -76,8 +76,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "analyses": {"record", "score", "data", "records", "stats", "tables", "errors", "text"},
     "plots": {"analyses", "record", "score", "contract", "data", "records", "stats", "tables", "errors", "text"},
     "html_report": {"record", "score", "records", "stats", "tables", "plots", "errors", "text"},
+    "selection": {"cells", "errors", "record", "records", "registry", "score", "stats", "tables"},
     "api": {
         "contract",
+        "engine",
+        "selection",
         "record",
         "score",
         "analyses",
@@ -95,7 +98,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
 }
 MAY_IMPORT["suite_pictures"] = {
-    "api",
+    "selection",
     "contract",
     "cells",
     "data",

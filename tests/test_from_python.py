@@ -11,6 +11,9 @@ import pytest
 from helpers_cli import InProcess
 
 import lfobench
+from lfobench.analyses.audit import json_audit
+from lfobench.analyses.compare_formats import json_comparison
+from lfobench.analyses.power_formats import json_power
 from lfobench.errors import UserError
 from lfobench.tables.exporters import export
 
@@ -82,3 +85,36 @@ def test_a_wrong_knob_is_named(knobs: dict[str, str], message: str) -> None:
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'tabel'"):
         lfobench.tabel  # noqa: B018
+
+
+def test_judgements_are_those_of_the_command_line(lfobench_command: InProcess) -> None:
+    compared = lfobench.compare("dilo", "smodice", RECORDS, correction="none")
+    printed = lfobench_command("compare", "dilo", "smodice", "--out", RECORDS, "--correction", "none", "--json")
+    assert json_comparison(compared) == printed.out
+    assert not compared.regressed
+    audited = lfobench_command("audit", "dilo-2024", "--n", "5,7", "--format", "json")
+    assert json_audit(lfobench.audit("dilo-2024", sizes=[7, 5])) == audited.out
+    planned = lfobench_command("power", "--out", RECORDS, "--seeds", "4", "--json")
+    assert json_power(lfobench.power(RECORDS, seeds=4)) == planned.out
+
+
+def test_judgements_refuse_what_the_command_line_refuses(tmp_path: Path) -> None:
+    for call, said in (
+        (lambda: lfobench.compare("dilo", "nobody", RECORDS), "nobody"),
+        (lambda: lfobench.compare("dilo", "smodice", RECORDS, allow=["simulator"]), "--allow"),
+        (lambda: lfobench.compare(RECORDS, tmp_path / "nowhere"), "nowhere"),
+        (lambda: lfobench.audit("dilo-2024", sizes=[1]), "at least 2"),
+        (lambda: lfobench.audit("dilo-2024", count_test="chi2"), "fisher"),
+        (lambda: lfobench.audit("dilo-2024", correction="bonferroni"), "holm"),
+        (lambda: lfobench.power(tmp_path), "no records|no folder|holds no"),
+        (lambda: lfobench.check("nobody"), "nobody"),
+        (lambda: lfobench.video("dilo", "hopper-random-expert", tmp_path / "film.txt", RECORDS), "film.txt"),
+    ):
+        with pytest.raises(UserError, match=said):
+            call()
+
+
+def test_a_method_is_checked() -> None:
+    assert all(not finding.problem for finding in lfobench.check("bc"))
+    with pytest.raises(UserError, match="no_such_field"):
+        lfobench.check("bc", set={"no_such_field": 1})

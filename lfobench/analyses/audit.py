@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, cast, get_args
 
-from lfobench.records.publication import Publication
+from lfobench.errors import UserError, unknown_name
+from lfobench.records.publication import Publication, TableOfCounts, TableOfMeans
 from lfobench.stats.audit import (
     LARGEST_N_TRIED,
     MOST_SEEDS,
@@ -15,12 +16,17 @@ from lfobench.stats.audit import (
     AuditedCounts,
     AuditedRow,
     CountsAudit,
+    CountsRule,
     CountTest,
     Effect,
     MeansAudit,
+    audit_counts,
+    audit_means,
 )
 from lfobench.stats.contradictions import Contradiction
-from lfobench.stats.options import Correction
+from lfobench.stats.highlight import Rule
+from lfobench.stats.options import Correction, Test
+from lfobench.stats.tests import FROM_SUMMARIES
 from lfobench.tables.document import Document, Grid, Heading, Items, Notes, Paragraphs, Part, Section
 from lfobench.tables.exporters.json import json_text
 from lfobench.tables.footnote import CORRECTIONS, TESTS
@@ -42,6 +48,98 @@ class Audit:
 
     publication: Publication
     tables: tuple[MeansAudit | CountsAudit, ...]
+
+
+MOST_TRIALS_OF_BOSCHLOO = 1000
+"""Its memory grows with the product of the trials, since it looks at every pair of counts."""
+
+
+def audit_publication(
+    publication: Publication,
+    sizes: Sequence[int] = (),
+    methods: Sequence[str] = (),
+    test: str = "welch",
+    count_test: str = "fisher",
+    correction: str = "none",
+    alpha: float = 0.05,
+) -> Audit:
+    """The audit of every table that has one of the `methods`.
+
+    Args:
+        publication: with its tables.
+        sizes: samples behind each mean; as stated where there are none.
+        methods: that compete; as the publication says where there are none.
+        test: of means.
+        count_test: of counts.
+        correction: of the rule.
+        alpha: level of the test.
+
+    Raises:
+        UserError: an unknown name, sizes of counts, or a test that is too costly or needs every score.
+    """
+    rule = _rule(test, correction, alpha)
+    if count_test not in get_args(CountTest):
+        raise unknown_name("test of counts", count_test, get_args(CountTest))
+    counts_rule = CountsRule(cast("CountTest", count_test), rule.correction, rule.alpha)
+    _check_sizes(sizes, publication)
+    _check_methods(methods, publication)
+    if count_test == "boschloo":
+        _check_trials(publication)
+    audits = []
+    for table in publication.tables:
+        if not methods or set(methods) & set(table.methods):
+            compared = [method for method in methods if method in table.methods] or table.compared or table.methods
+            audits.append(
+                audit_means(table, compared, rule, sorted(set(sizes)))
+                if isinstance(table, TableOfMeans)
+                else audit_counts(table, compared, counts_rule)
+            )
+    return Audit(publication, tuple(audits))
+
+
+def _rule(test: str, correction: str, alpha: float) -> Rule:
+    chosen = next((known for known in FROM_SUMMARIES if known == test), None)
+    if chosen is None:
+        if test not in get_args(Test):
+            raise unknown_name("test", test, FROM_SUMMARIES)
+        raise UserError(
+            f"'{test}' needs every score, and a published table holds only n, mean and standard deviation.",
+            f"Choose {' or '.join(sorted(FROM_SUMMARIES, reverse=True))}.",
+        )
+    if correction not in get_args(Correction):
+        raise unknown_name("correction", correction, get_args(Correction))
+    if not 0.0 < alpha < 1.0:
+        raise UserError(f"alpha = {alpha:g} is not a level that a test can have.", "Choose one such as 0.05.")
+    return Rule(chosen, correction=cast("Correction", correction), alpha=alpha)
+
+
+def _check_sizes(sizes: Sequence[int], publication: Publication) -> None:
+    # Nine digits: far more than any table has, and few enough for every formula.
+    if not all(2 <= size < 10**9 for size in sizes):
+        raise UserError(
+            f"{', '.join(map(str, sizes))} are not numbers of samples, each at least 2.", "Write, for example, 5."
+        )
+    if sizes and not any(isinstance(table, TableOfMeans) for table in publication.tables):
+        raise UserError(f"{publication.name} counts successes, and states its trials.", "Leave out --n.")
+
+
+def _check_methods(methods: Sequence[str], publication: Publication) -> None:
+    known = {method for table in publication.tables for method in table.methods}
+    if len(methods) == 1:
+        raise UserError(f"'{methods[0]}' alone has nothing to be compared with.", f"Known: {', '.join(sorted(known))}.")
+    for name in methods:
+        if name not in known:
+            raise unknown_name("method of this publication", name, known)
+
+
+def _check_trials(publication: Publication) -> None:
+    counts = [table for table in publication.tables if isinstance(table, TableOfCounts)]
+    most = max((cell.trials for table in counts for row in table.rows for cell in row.cells.values()), default=0)
+    if most > MOST_TRIALS_OF_BOSCHLOO:
+        raise UserError(
+            f"Boschloo's test is too costly for {most:,} trials (at most {MOST_TRIALS_OF_BOSCHLOO:,}).",
+            "Use --count-test fisher.",
+        )
 
 
 def document(audit: Audit) -> Document:

@@ -10,7 +10,6 @@ import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import output
-from lfobench.cli.options import warn
 
 
 class Width(StrEnum):
@@ -70,11 +69,11 @@ def plot(
     Example: lfobench plot SUITE --view field --tasks 'safe-*' --out runs --to field.pdf
     """
     from lfobench import suite_pictures
-    from lfobench.api import COLUMN_ORDER
     from lfobench.errors import UserError
     from lfobench.files import replacing
     from lfobench.plots.figure import WIDTHS, format_of
     from lfobench.plots.kinds import draw
+    from lfobench.selection import COLUMN_ORDER
     from lfobench.tables.counting import knobs
 
     wanted = suite_pictures.View(view, tasks, seed, episodes)
@@ -93,10 +92,6 @@ def plot(
     with replacing(to) as temporary:
         figure.savefig(temporary, format=format_name)
     output.out(figure.caption, highlight=False)
-
-
-MOST_EPISODES = 12
-"""Of one film, whose pictures are held in memory until a GIF is whole."""
 
 
 def video(
@@ -122,43 +117,25 @@ def video(
 
     Example: lfobench video dilo dynamic-hitting-400-expert-hit --out runs --episode 0 --to hit.gif
     """
-    from lfobench.cells.names import select_tasks
-    from lfobench.engine.trained import of_seed, outcomes_of, scene_of, starts_of, suite_of, traces_of
-    from lfobench.errors import UserError, unknown_name
-    from lfobench.files import replacing, writable_folder
-    from lfobench.plots.film import Film, movie_format, write_movie
-    from lfobench.registry import is_place, load_method
+    from lfobench import api
 
-    format_name = movie_format(to)
-    method = load_method(method).name if is_place(method) else method
-    selected = options.select_records(out, suite, protocol, steps, source, preset, method)
-    present = {record.task for record in selected.records}
-    if present and task not in present:
-        raise unknown_name(f"task among the records of {method}", task, present)
-    meant = [
-        record
-        for record in selected.records
-        if record.task == task and (tuned is None or (record.tuning is not None) == tuned)
-    ]
-    record, *others = of_seed(meant, seed)
-    if others:
-        raise UserError(
-            f"{1 + len(others)} runs of {method} on {task} have seed {seed}.",
-            "Choose one with --tuned or --untuned, --preset, --protocol, --steps, --source or --suite; runs that "
-            "differ by --set alone need folders of their own.",
+    with options.printed_warnings():
+        traces, seconds = api.video(
+            method,
+            task,
+            to,
+            out,
+            seed=seed,
+            episodes=episodes,
+            tuned=tuned,
+            suite=suite,
+            protocol=protocol,
+            steps=steps,
+            source=source,
+            preset=preset,
         )
-    found = suite_of(record, suite)
-    scene = scene_of(found)
-    of_suite = select_tasks(found.tasks, [task])[0]
-    writable_folder(to.parent, "--to")
-    traces, warnings = traces_of(out, record, of_suite, starts_of(episodes, record, MOST_EPISODES))
-    warn(warnings)
-    title = f"{method} on {task}, seed {seed}"
-    film = Film(scene(of_suite.environment.name), title, traces, outcomes_of(selected.records))
-    with replacing(to) as temporary:
-        write_movie(film, temporary, format_name)
     ended = ", ".join(f"start {each.start} {each.outcome}" for each in traces)
-    output.out(f"{to}: {len(film) / film.pictures_per_second:.1f} s; {ended}", highlight=False)
+    output.out(f"{to}: {seconds:.1f} s; {ended}", highlight=False)
 
 
 def report(

@@ -24,14 +24,13 @@ def check(
     """
     from rich.markup import escape
 
-    from lfobench.cells.cell import configure, load_protocol
+    from lfobench import api
     from lfobench.cells.names import parse_assignments
-    from lfobench.engine.method_check import check_method
     from lfobench.registry import load_method
 
     known = load_method(method)
     assigned = parse_assignments(assign or (), [known.name]).get(known.name, {})
-    findings = check_method(known, configure(known, preset, load_protocol(protocol), assigned).config)
+    findings = api.check(known, protocol=protocol, preset=preset, set=assigned)
     broken = any(finding.problem and finding.fatal for finding in findings)
     if as_json:
         rules = [{"rule": each.rule, "problem": each.problem, "fatal": each.fatal} for each in findings]

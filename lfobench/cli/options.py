@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast, get_args
 
@@ -13,11 +15,11 @@ from lfobench.cli.console import errors, one_line
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from lfobench.api import Selection
     from lfobench.cells.cell import Assigned
     from lfobench.cells.plan import Request
     from lfobench.record import Warning
     from lfobench.registry import Suites
+    from lfobench.selection import Selection
 
 Methods = Annotated[
     str,
@@ -164,10 +166,22 @@ def suite_and_tasks(name: str, tasks: str | None) -> tuple[str, str | None]:
     return owners[name], name
 
 
-def warn(warnings: Iterable[Warning]) -> None:
+def warn(found: Iterable[Warning]) -> None:
     """Print warnings on standard error."""
-    for warning in warnings:
+    for warning in found:
         errors.print(f"[yellow]Warning:[/] {one_line(f'{warning.what} {warning.remedy}')}", soft_wrap=True)
+
+
+@contextmanager
+def printed_warnings() -> Iterator[None]:
+    """Warnings of the Python API, printed on standard error as the command line's own."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        try:
+            yield
+        finally:
+            for each in dict.fromkeys(str(warning.message) for warning in caught):
+                errors.print(f"[yellow]Warning:[/] {one_line(each)}", soft_wrap=True)
 
 
 StatisticName = Annotated[
@@ -221,12 +235,12 @@ def select_records(
     Raises:
         UserError: as the API, or for unknown starts.
     """
-    from lfobench import api
+    from lfobench import selection
     from lfobench.errors import unknown_name
 
-    if starts not in get_args(api.Starts):
-        raise unknown_name("starts", starts, get_args(api.Starts))
-    selection = api.select_records(
+    if starts not in get_args(selection.CountedStarts):
+        raise unknown_name("starts", starts, get_args(selection.CountedStarts))
+    found = selection.select_records(
         out,
         suite=suite,
         protocol=protocol,
@@ -234,7 +248,7 @@ def select_records(
         source=source,
         preset=preset,
         methods=methods,
-        starts=cast("api.Starts", starts),
+        starts=cast("selection.CountedStarts", starts),
     )
-    warn(selection.warnings)
-    return selection
+    warn(found.warnings)
+    return found

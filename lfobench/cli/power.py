@@ -39,19 +39,28 @@ def power_of_seeds(
 
     Example: lfobench power --out runs --effect 10 --seeds 5 --methods dilo,smodice
     """
-    from lfobench.analyses.power import read_pilot, seeds_needed
+    from lfobench import api
     from lfobench.analyses.power_formats import document, json_power
-    from lfobench.errors import UserError
-    from lfobench.stats.power import Design
-    from lfobench.tables.counting import knobs
 
-    chosen = options.select_records(out, suite, protocol, steps, source, preset, methods)
-    if not chosen.records:
-        raise UserError(f"{out} holds no records.", "Run two seeds of two methods first: they are the pilot.")
-    scored, rule = knobs(chosen.records, statistic, test, scope, correction, alpha)
-    # Whoever is named competes, with or without expert actions.
-    pilot = read_pilot(chosen.records, scored, "all" if methods else rule.scope, chosen.tasks)
-    planned = seeds_needed(pilot, Design(effect, power, rule.alpha, rule.test, rule.correction, seeds), workers)
+    with options.printed_warnings():
+        planned = api.power(
+            out,
+            effect=effect,
+            power=power,
+            seeds=seeds,
+            workers=workers,
+            statistic=statistic,
+            test=test,
+            scope=scope,
+            correction=correction,
+            alpha=alpha,
+            suite=suite,
+            protocol=protocol,
+            steps=steps,
+            source=source,
+            preset=preset,
+            methods=methods,
+        )
     if as_json:
         output.out(json_power(planned), end="", highlight=False)
     else:

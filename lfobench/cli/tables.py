@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
 from enum import StrEnum
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_args
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lfobench.cli import options
 from lfobench.cli.console import output
-from lfobench.cli.options import warn
+from lfobench.cli.options import printed_warnings, warn
 from lfobench.tables.exporters import FORMATS
 
 if TYPE_CHECKING:
-    from lfobench.api import Selection
-    from lfobench.records.publication import Publication
-    from lfobench.stats.highlight import Rule
-    from lfobench.stats.options import Correction
+    from lfobench.selection import Selection
 
 
 TERMINAL = "terminal"
@@ -157,34 +151,26 @@ def compare(
 
     Example: lfobench compare runs-before runs-after --json
     """
-    from lfobench.analyses.compare import NamedRuns, pair_folders, pair_methods, warnings_of
-    from lfobench.analyses.compare import compare as judge
+    from lfobench import api
+    from lfobench.analyses.compare import warnings_of
     from lfobench.analyses.compare_formats import document, json_comparison
-    from lfobench.errors import UserError
-    from lfobench.tables.counting import knobs
 
-    filters = (suite, protocol, steps, source, preset)
-    folders = _are_folders(first, second)
-    if allow and not folders:
-        raise UserError(
-            "--allow is for two folders: methods of one folder are compared under the same conditions.",
-            "Leave it out, or put their records into two folders.",
+    with printed_warnings():
+        compared = api.compare(
+            first,
+            second,
+            out,
+            allow=allow or (),
+            statistic=statistic,
+            test=test,
+            correction=correction,
+            alpha=alpha,
+            suite=suite,
+            protocol=protocol,
+            steps=steps,
+            source=source,
+            preset=preset,
         )
-    selected = [_selected(Path(name), filters) for name in ((first, second) if folders else (out,))]
-    scored, rule = knobs(
-        [each for found in selected for each in found.records], statistic, test, "all", correction, alpha
-    )
-    if folders:
-        reference, subject = (
-            NamedRuns(name, heading, found.records, found.failures)
-            for name, heading, found in zip((first, second), "AB", selected, strict=True)
-        )
-        tasks = list(dict.fromkeys(task for found in selected for task in found.tasks))
-        pairing = pair_folders(reference, subject, scored, tasks, allow or [], rule)
-    else:
-        (found,) = selected
-        pairing = pair_methods(found.records, found.failures, first, second, scored, found.tasks, rule)
-    compared = judge(pairing, rule, scored)
     warn(warnings_of(compared))
     if as_json:
         output.out(json_comparison(compared), end="", highlight=False)
@@ -192,46 +178,6 @@ def compare(
         output.print(document(compared))
     if compared.regressed:
         raise typer.Exit(1)
-
-
-_Filters = tuple[str | None, str | None, int | None, str | None, str | None]
-
-
-def _are_folders(first: str, second: str) -> bool:
-    """Whether both names are folders; refuses one folder, and what can only be a folder and is not there."""
-    from lfobench.errors import UserError
-
-    folders = [_is_folder(name) for name in (first, second)]
-    if all(folders):
-        return True
-    if not any(folders) and os.sep not in first + second:
-        return False
-    missing = [name for name, there in zip((first, second), folders, strict=True) if not there]
-    raise UserError(
-        f"'{missing[0]}' is no folder"
-        + (f", and '{second if missing[0] == first else first}' is one." if any(folders) else "."),
-        "Name two folders of records, or two methods of the folder that --out names.",
-    )
-
-
-def _is_folder(name: str) -> bool:
-    try:
-        return Path(name).is_dir()
-    except OSError:
-        return False
-
-
-def _selected(out: Path, filters: _Filters) -> Selection:
-    """The records of a folder, of which there must be some."""
-    from lfobench.errors import UserError
-
-    found = options.select_records(out, *filters)
-    if not found.records:
-        raise UserError(f"{out} holds no records.", "Run 'lfobench run' first, or name another folder.")
-    return found
-
-
-_MOST_TRIALS_OF_BOSCHLOO = 1000
 
 
 class AuditFormat(StrEnum):
@@ -285,28 +231,19 @@ def audit(
 
     Example: lfobench audit dilo-2024
     """
-    from lfobench.analyses.audit import Audit, document, json_audit
-    from lfobench.records.publication import TableOfMeans
-    from lfobench.records.published import read_publication
-    from lfobench.stats.audit import CountsRule, audit_counts, audit_means
+    from lfobench import api
+    from lfobench.analyses.audit import document, json_audit
+    from lfobench.cells.names import split_names
 
-    rule = _rule(test, correction.value, alpha)
-    counts_rule = CountsRule(count_test.value, rule.correction, rule.alpha)
-    publication = read_publication(file)
-    sizes, chosen = _sizes(n, publication), _methods(methods, publication)
-    audits = []
-    if count_test is CountTestName.boschloo:
-        _check_trials(publication)
-    for table in publication.tables:
-        compared = [method for method in chosen if method in table.methods] or table.compared or table.methods
-        if chosen and not set(chosen) & set(table.methods):
-            continue
-        audits.append(
-            audit_means(table, compared, rule, sizes)
-            if isinstance(table, TableOfMeans)
-            else audit_counts(table, compared, counts_rule)
-        )
-    found = Audit(publication, tuple(audits))
+    found = api.audit(
+        file,
+        sizes=_sizes(n),
+        methods=split_names(methods or ""),
+        test=test,
+        count_test=count_test.value,
+        correction=correction.value,
+        alpha=alpha,
+    )
     if format_name is AuditFormat.terminal:
         output.print(document(found))
     else:
@@ -314,67 +251,17 @@ def audit(
         output.out(text, end="", highlight=False)
 
 
-def _check_trials(publication: Publication) -> None:
-    """Boschloo's test looks at every pair of counts, so its memory grows with the product of the trials."""
+def _sizes(text: str | None) -> list[int]:
+    """The numbers of ``--n``.
+
+    Raises:
+        UserError: they are none.
+    """
     from lfobench.errors import UserError
-    from lfobench.records.publication import TableOfCounts
 
-    counts = [table for table in publication.tables if isinstance(table, TableOfCounts)]
-    most = max((cell.trials for table in counts for row in table.rows for cell in row.cells.values()), default=0)
-    if most > _MOST_TRIALS_OF_BOSCHLOO:
-        raise UserError(
-            f"Boschloo's test is too costly for {most:,} trials (at most {_MOST_TRIALS_OF_BOSCHLOO:,}).",
-            "Use --count-test fisher.",
-        )
-
-
-def _rule(test: str, correction: Correction, alpha: float) -> Rule:
-    from lfobench.errors import UserError, unknown_name
-    from lfobench.stats.highlight import Rule
-    from lfobench.stats.options import Test
-    from lfobench.stats.tests import FROM_SUMMARIES
-
-    chosen = next((known for known in FROM_SUMMARIES if known == test), None)
-    if chosen is None:
-        if test not in get_args(Test):
-            raise unknown_name("test", test, FROM_SUMMARIES)
-        raise UserError(
-            f"'{test}' needs every score, and a published table holds only n, mean and standard deviation.",
-            f"Choose {' or '.join(sorted(FROM_SUMMARIES, reverse=True))}.",
-        )
-    if not 0.0 < alpha < 1.0:
-        raise UserError(f"alpha = {alpha:g} is not a level that a test can have.", "Choose one such as 0.05.")
-    return Rule(chosen, correction=correction, alpha=alpha)
-
-
-def _sizes(text: str | None, publication: Publication) -> list[int]:
-    from lfobench.errors import UserError
-    from lfobench.records.publication import TableOfMeans
-
-    if text is None:
-        return []
-    parts = [part.strip() for part in text.split(",")]
-    # Nine digits: far more than any table has, and few enough for every formula.
+    parts = [] if text is None else [part.strip() for part in text.split(",")]
     if not all(part.isascii() and part.isdigit() and len(part) < 10 and int(part) >= 2 for part in parts):
         raise UserError(
             f"--n '{text}' is not a list of numbers of samples, each at least 2.", "Write, for example, --n 5,7."
         )
-    if not any(isinstance(table, TableOfMeans) for table in publication.tables):
-        raise UserError(f"{publication.name} counts successes, and states its trials.", "Leave out --n.")
-    return sorted(set(map(int, parts)))
-
-
-def _methods(text: str | None, publication: Publication) -> Sequence[str]:
-    from lfobench.cells.names import split_names
-    from lfobench.errors import UserError, unknown_name
-
-    if text is None:
-        return ()
-    known = {method for table in publication.tables for method in table.methods}
-    names = split_names(text)
-    if len(names) < 2:
-        raise UserError(f"--methods '{text}' names fewer than two methods.", f"Known: {', '.join(sorted(known))}.")
-    for name in names:
-        if name not in known:
-            raise unknown_name("method of this publication", name, known)
-    return names
+    return list(map(int, parts))

@@ -93,7 +93,7 @@ def test_other_mistakes(table: Path, tmp_path: Path) -> None:
     for n in ("", "1", "five", "5,,7", "-3", "5.0", "²"):
         assert "--n" in refused(table, "--n", n)
     assert "alpha" in refused(table, "--alpha", "0")
-    assert "fewer than two methods" in refused(table, "--methods", "a")
+    assert "nothing to be compared with" in refused(table, "--methods", "a")
     assert "Unknown method" in refused(table, "--methods", "a,zz")
     assert "Did you mean 'dilo-2024'?" in refused("dilo-2042")
     robot = tmp_path / "robot.csv"
