@@ -21,10 +21,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lfobench.analyses.audit import Audit, audit_publication
-from lfobench.analyses.compare import Compared, NamedRuns, pair_folders, pair_methods
-from lfobench.analyses.compare import compare as judge
-from lfobench.analyses.power import SeedPlan, read_pilot, seeds_needed
 from lfobench.cells.cell import Assigned, configure, load_protocol
 from lfobench.cells.names import select_tasks
 from lfobench.cells.plan import Plan, Request
@@ -45,6 +41,9 @@ from lfobench.text import harmless
 if TYPE_CHECKING:
     from typing import Unpack
 
+    from lfobench.analyses.audit import Audit
+    from lfobench.analyses.compare import Compared
+    from lfobench.analyses.power import SeedPlan
     from lfobench.contract.method import Method
     from lfobench.engine.method_check import Finding
     from lfobench.engine.trained import Trace
@@ -334,6 +333,10 @@ def compare(
     Raises:
         UserError: as the command line says it.
     """
+    # Imported here, as below, because tables need none of it.
+    from lfobench.analyses.compare import NamedRuns, pair_folders, pair_methods
+    from lfobench.analyses.compare import compare as judge
+
     names = str(first), str(second)
     folders = _are_folders(*names)
     if allow and not folders:
@@ -402,6 +405,8 @@ def audit(
     Raises:
         UserError: as the command line says it.
     """
+    from lfobench.analyses.audit import audit_publication
+
     return audit_publication(read_publication(str(publication)), sizes, methods, test, count_test, correction, alpha)
 
 
@@ -437,6 +442,8 @@ def power(
     Raises:
         UserError: as the command line says it.
     """
+    from lfobench.analyses.power import read_pilot, seeds_needed
+
     chosen = _some_selected(out, "Run two seeds of two methods first: they are the pilot.", **filters)
     scored, rule = knobs(chosen.records, statistic, test, scope, correction, alpha)
     pilot = read_pilot(chosen.records, scored, "all" if filters.get("methods") else rule.scope, chosen.tasks)
