@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 DEMO := demo
 REPORT := report.html
 
-.PHONY: setup demo test test-slow docs check bench fuzz report reference format clean
+.PHONY: setup demo test test-slow docs check bench fuzz report reference reference-presets reference-robot format clean
 
 setup: $(VENV)/.ok  ## Create .venv with the versions tested together.
 
@@ -47,12 +47,32 @@ fuzz: setup  ## Ten thousand damaged data files: none may crash a reader, or pas
 report: setup  ## The reference records as one page: verdict, table with its four knobs, curves, provenance.
 	$(BIN)/lfobench report --out results/reference/locomotion-quick --to $(REPORT)
 
-REFERENCE := nice -n 15 $(BIN)/lfobench run --protocol quick --seeds 0-2 --workers 1 --out results/reference/table1-quick
+# Hours and days beside other work; the same command goes on where it stopped.
+IN_BACKGROUND := nice -n 15 $(BIN)/lfobench
+QUICK := --protocol quick --workers 1
+TABLE1 := $(QUICK) --seeds 0-2 --out results/reference/table1-quick
+PRESETS := $(QUICK) --seeds 0-2 --suite locomotion \
+	--tasks 'hopper-random-expert,halfcheetah-medium-expert,walker2d-random-few-expert' --out results/reference/presets-quick
+ROBOT := $(QUICK) --steps 3000 --suite airhockey --out results/reference/airhockey-half
 
-reference: setup  ## Table 1 at quick, three seeds, for hours and days beside other work; the same command goes on where it stopped.
-	$(REFERENCE) --methods dilo,smodice,oril,bco,bc --suite locomotion --tasks '*-random-expert,*-medium-expert'
-	$(REFERENCE) --methods dilo,smodice,oril,bco --suite table1
-	$(REFERENCE) --methods bc,bc-expert --suite table1
+reference: setup  ## Table 1 at quick, three seeds.
+	$(IN_BACKGROUND) run $(TABLE1) --methods dilo,smodice,oril,bco,bc --suite locomotion \
+		--tasks '*-random-expert,*-medium-expert'
+	$(IN_BACKGROUND) run $(TABLE1) --methods dilo,smodice,oril,bco --suite table1
+	$(IN_BACKGROUND) run $(TABLE1) --methods bc,bc-expert --suite table1
+
+reference-presets: setup  ## The presets' differences one by one, on three tasks.
+	$(IN_BACKGROUND) run $(PRESETS) --methods dilo,smodice,bc
+	$(IN_BACKGROUND) run $(PRESETS) --methods dilo,smodice,bc --preset paper
+	$(IN_BACKGROUND) run $(PRESETS) --methods dilo --set dilo.tau=3
+	$(IN_BACKGROUND) run $(PRESETS) --methods dilo --set dilo.conservatism=none
+	$(IN_BACKGROUND) run $(PRESETS) --methods dilo --set dilo.policy=gaussian
+
+reference-robot: setup  ## The robot tasks, tuned from the paper's grid, seven seeds; and the share of successes, three.
+	$(IN_BACKGROUND) tune $(ROBOT) --methods dilo,smodice,bco
+	$(IN_BACKGROUND) run $(ROBOT) --methods dilo,smodice,oril,bco,bc --seeds 0-6 --tuned
+	$(IN_BACKGROUND) run $(QUICK) --suite airhockey-share --methods dilo,smodice,oril,bco,bc --seeds 0-2 \
+		--out results/reference/airhockey-share
 
 format: setup
 	$(BIN)/ruff check --fix .
