@@ -30,11 +30,14 @@ from lfobench.text import short_number
 MOST_EPISODES = 100_000
 """Of one evaluation."""
 
+MOST_STEPS = 10**12
+"""Of gradient steps and other counts."""
+
 MOST_DEPTH = 30
 """Of values in values; views follow them by recursion."""
 
-Steps = Annotated[int, Field(ge=0, le=10**12)]
-_Count = Annotated[int, Strict(), Field(ge=0, le=10**12)]
+Steps = Annotated[int, Field(ge=0, le=MOST_STEPS)]
+_Count = Annotated[int, Strict(), Field(ge=0, le=MOST_STEPS)]
 
 LARGEST_REFERENCE = 1e100
 """Either way, of a reference return; sums and squares of returns near larger ones leave the range of float64."""

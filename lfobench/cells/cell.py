@@ -14,7 +14,7 @@ from lfobench.cells.recipes import capped, recipe_identity, sizes
 from lfobench.contract.method import DataNeeds, Method, MethodConfig, PresetName, budget_fields
 from lfobench.contract.suite import Recipe, Task
 from lfobench.errors import UserError, unknown_name
-from lfobench.record import NUMBERS, Labels, Tuning
+from lfobench.record import MOST_EPISODES, MOST_STEPS, NUMBERS, Labels, Tuning
 from lfobench.text import content_hash
 
 
@@ -33,6 +33,22 @@ class Assigned:
     evaluation_every: int | None = None
     evaluation_episodes: int | None = None
     final_episodes: int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number of steps or episodes.
+
+        Raises:
+            UserError: naming the option, and the numbers that it takes.
+        """
+        for name, value in asdict(self).items():
+            least = 0 if name == "final_episodes" else 1
+            most = MOST_STEPS if name in ("steps", "evaluation_every") else MOST_EPISODES
+            whole = isinstance(value, int) and not isinstance(value, bool)
+            if value is not None and not (whole and least <= value <= most):
+                raise UserError(
+                    f"--{name.replace('_', '-')} {value!r} is no whole number from {least} to {most:,}.",
+                    "Give one, or leave it to the protocol.",
+                )
 
 
 NOTHING_ASSIGNED = Assigned()

@@ -68,6 +68,7 @@ class _Conditions:
     source: str
     protocol: str
     steps: int | None
+    evaluations: tuple[int, int, int]
     preset: str
     precision: str
 
@@ -119,6 +120,12 @@ def _conditions(run: Record | Failure) -> _Conditions:
         source=str(run.identity["source"]),
         protocol=str(protocol["name"]),
         steps=int(protocol["steps"]) if protocol["steps_assigned"] else None,
+        # In full: a record does not say which of them are the protocol's or the task's own.
+        evaluations=(
+            int(protocol["evaluation_every"]),
+            int(protocol["evaluation_episodes"]),
+            int(protocol.get("further_episodes", 0)),
+        ),
         preset=str(run.identity["preset"]),
         precision=str(run.identity.get("precision", "auto")),
     )
@@ -155,6 +162,7 @@ def _one_each(variants: Sequence[_Variant]) -> Iterator[list[_Variant]]:
 def _arguments(part: Part, variants: Sequence[_Variant]) -> list[str]:
     conditions, tasks, seeds = part
     steps = [] if conditions.steps is None else ["--steps", str(conditions.steps)]
+    every, episodes, final = map(str, conditions.evaluations)
     precision = [] if conditions.precision == "auto" else ["--precision", conditions.precision]
     assigned = [word for variant in variants for each in variant.assignments for word in ("--set", each)]
     return [
@@ -165,6 +173,7 @@ def _arguments(part: Part, variants: Sequence[_Variant]) -> list[str]:
         *("--source", conditions.source),
         *("--protocol", conditions.protocol),
         *steps,
+        *("--evaluation-every", every, "--evaluation-episodes", episodes, "--final-episodes", final),
         *("--seeds", seed_list(seeds)),
         *("--preset", conditions.preset),
         *precision,

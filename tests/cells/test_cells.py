@@ -271,3 +271,12 @@ def test_a_recipe_is_capped_never_raised() -> None:
     capped = PROTOCOLS["smoke"].recipe_for(task)
     assert (capped.offline_transitions, capped.expert_trajectories) == (2_000, 2)
     assert isinstance(task.environment, Environment)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("steps", 0), ("evaluation_every", -1), ("evaluation_episodes", 10**6), ("final_episodes", True), ("steps", 2.5)],
+)
+def test_what_is_no_number_of_steps_or_episodes(field: str, value: Any) -> None:
+    with pytest.raises(UserError, match=f"--{field.replace('_', '-')} .*whole number"):
+        Assigned(**{field: value})

@@ -79,7 +79,8 @@ def test_a_rectangle_of_runs_is_one_command() -> None:
     assert run_commands(records) == [
         shlex.split(
             "run --methods dilo,bc --suite locomotion --tasks hopper-random-expert,ant-random-expert "
-            "--source generated --protocol quick --seeds 0-2 --preset released --out reproduction"
+            "--source generated --protocol quick --evaluation-every 1000 --evaluation-episodes 10 --final-episodes 0 "
+            "--seeds 0-2 --preset released --out reproduction"
         )
     ]
 
@@ -96,6 +97,13 @@ def test_steps_and_precision_are_said_where_they_were_chosen() -> None:
     found = options(command)
     assert found["--steps"] == ["500"]
     assert found["--precision"] == ["bf16"]
+
+
+def test_evaluations_are_those_of_the_records() -> None:
+    protocol = make_record(1.0).identity["protocol"] | {"evaluation_episodes": 7, "further_episodes": 100}
+    commands_ = run_commands([make_record(1.0), make_record(1.0, "bc", protocol=protocol)])
+    found = [(options(each)["--evaluation-episodes"], options(each)["--final-episodes"]) for each in commands_]
+    assert found == [(["10"], ["0"]), (["7"], ["100"])]
 
 
 def test_presets_are_commands_of_their_own() -> None:

@@ -13,7 +13,7 @@ from helpers_engine import never, smoke_cell
 from helpers_records import record_of
 
 import lfobench
-from lfobench.cells.cell import Run
+from lfobench.cells.cell import Assigned, Run
 from lfobench.cells.plan import Request, make_plan
 from lfobench.cells.tuning import Search, search_of
 from lfobench.errors import UserError
@@ -187,15 +187,15 @@ def test_an_edited_choice_is_no_choice(folder: TuningFolder) -> None:
 
 
 def test_a_choice_under_a_name_that_is_not_its_own_does_not_count(folder: TuningFolder) -> None:
-    other = search(steps=30)
+    other = search(assigned=Assigned(30))
     written = folder.write(other, trials(other, [[20.0], [40.0]]))
     written.rename(folder.path(search()))
     assert folder.find(search()) is None
 
 
 def test_the_nearest_choice_and_its_differences_are_named(folder: TuningFolder) -> None:
-    far = search(steps=30, preset="paper")
-    near = search(steps=30)
+    far = search(assigned=Assigned(30), preset="paper")
+    near = search(assigned=Assigned(30))
     for found in (far, near):
         folder.write(found, trials(found, [[20.0], [40.0]]))
     problem = folder.problem(search())
