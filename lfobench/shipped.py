@@ -2,7 +2,8 @@
 
 A script's own folder ``methods/`` comes first on Python's path and would hide the wheel's. With this finder the names
 mean the wheel's packages, and modules of the user's folders stay importable: ``methods.dilo`` is always the built-in
-one, ``methods.mine`` the user's.
+one, ``methods.mine`` the user's. The user's ``methods/__init__.py`` runs when a name is asked for that the wheel's
+lacks.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib.machinery import ModuleSpec, SourceFileLoader
-from importlib.util import spec_from_file_location
+from importlib.util import find_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 HOME = Path(__file__).resolve().parent.parent
 PACKAGES = ("methods", "suites")
@@ -27,7 +29,33 @@ class _ShippedFirst:
     ) -> ModuleSpec | None:
         if fullname not in PACKAGES or not _start(fullname).is_file():
             return None
-        return spec_from_file_location(fullname, _start(fullname), submodule_search_locations=_folders(fullname))
+        loader = _ShippedLoader(fullname, str(_start(fullname)))
+        return spec_from_file_location(
+            fullname, _start(fullname), loader=loader, submodule_search_locations=_folders(fullname)
+        )
+
+
+class _ShippedLoader(SourceFileLoader):
+    """Runs a package of the wheel, whose missing names come from the user's package of the same name."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        super().exec_module(module)
+        own: list[Path] = []
+
+        def name_of_own(attribute: str) -> Any:
+            name = module.__name__
+            if not own and not attribute.startswith("__") and find_spec(f"{name}.{attribute}") is None:
+                own.extend(start for folder in _folders(name)[1:] if (start := Path(folder) / "__init__.py").is_file())
+                if own:
+                    # Names of the wheel's package stay what its modules read.
+                    shipped = dict(vars(module))
+                    SourceFileLoader(name, str(own[0])).exec_module(module)
+                    vars(module).update(shipped)
+                    if attribute in vars(module):
+                        return vars(module)[attribute]
+            raise AttributeError(f"module '{name}' has no attribute '{attribute}'")
+
+        vars(module)["__getattr__"] = name_of_own
 
 
 def _folders(name: str) -> list[str]:

@@ -56,6 +56,31 @@ def test_both_are_found(before: str, regular: bool, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("first", ["import lfobench", "from methods import REGISTRY"])
+def test_the_start_of_a_users_package_runs_once_when_its_names_are_asked_for(first: str, tmp_path: Path) -> None:
+    (tmp_path / "methods").mkdir()
+    source = "from methods.mine import WHERE\nREGISTRY = [WHERE]\nDEMO = 'mine'\nprint('started')\n"
+    (tmp_path / "methods" / "__init__.py").write_text(source, encoding="utf-8")
+    (tmp_path / "methods" / "mine.py").write_text("WHERE = 'mine'", encoding="utf-8")
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"""
+{first}
+import lfobench
+from lfobench.registry import load_method
+from methods import REGISTRY, mine
+import methods
+assert REGISTRY == [mine.WHERE] == methods.REGISTRY and methods.DEMO != "mine" and not hasattr(methods, "nothing")
+assert load_method("dilo").__module__ == "methods.dilo"
+""",
+        encoding="utf-8",
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "started\n"), done.stderr
+
+
+@pytest.mark.slow
 def test_a_method_of_the_current_folder_is_found_after_one_of_ours(tmp_path: Path) -> None:
     """A console command, like ``python -P``, does not search the current folder for imports before that."""
     (tmp_path / "methods").mkdir()

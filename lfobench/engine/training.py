@@ -73,7 +73,6 @@ class Trainer:
         self._cell, self._view, self._device, self._stop = cell, view, device, stop
         self._randomness = Randomness(seeds, device)
         self._checkpoints = Checkpoints(checkpoints)
-        self._evaluations = Evaluations(cell, seeds, view, device, evaluators)
         self.method: Method = cell.method(cell.config, view.shapes, list(seeds), device)
         self.state = MethodState.of(self.method, view.shapes, len(seeds))
         self.progress = joined([each.progress for each in start]) if start else Progress.start(len(seeds))
@@ -87,6 +86,8 @@ class Trainer:
                 raise UserError(
                     f"{cell.label} cannot train: {problem}.", "See 'lfobench show' for the recipe's counts."
                 )
+        # Last, because it starts worker processes and simulators, which only `run` closes.
+        self._evaluations = Evaluations(cell, seeds, view, device, evaluators)
 
     def run(self) -> Iterator[Advance]:
         """Train to the end or to the stop; `progress` holds the result."""
