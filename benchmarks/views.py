@@ -17,7 +17,7 @@ from benchmarks.built_task import CPU, cell_of
 from benchmarks.pairs import Spread
 from lfobench.cells.cell import Run
 from lfobench.record import Evaluation, Metrics, Record
-from lfobench.records.folder import SEAL
+from lfobench.records.sealed import SEAL
 from lfobench.stats.aggregates import REPLICATES, interquartile_mean
 from lfobench.text import content_hash
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from lfobench.record import Failure, Record
-from lfobench.records.folder import FAILURE_SUFFIX, SEAL
+from lfobench.records.folder import FAILURE_SUFFIX
+from lfobench.records.sealed import SEAL
 from lfobench.text import content_hash
 
 

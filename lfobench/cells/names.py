@@ -107,12 +107,7 @@ def parse_assignments(assignments: Sequence[str], methods: Sequence[str]) -> dic
     """
     settings: dict[str, dict[str, Any]] = {}
     for assignment in assignments:
-        match = re.fullmatch(r"([^.=\s]+)\.([^.=\s]+)=(.*)", assignment, flags=re.DOTALL)
-        if match is None:
-            raise UserError(f"--set '{assignment}' is not METHOD.FIELD=VALUE.", "Write, for example, --set dilo.tau=3.")
-        method, field, text = match.groups()
-        if method not in methods:
-            raise unknown_name("method in --set", method, methods)
+        method, field, text = _field_and_text("--set", assignment, methods)
         settings.setdefault(method, {})[field] = _value(text)
     return settings
 
@@ -125,12 +120,7 @@ def parse_grids(grids: Sequence[str], methods: Sequence[str]) -> Grids:
     """
     found: dict[str, dict[str, tuple[Any, ...]]] = {}
     for grid in grids:
-        match = re.fullmatch(r"([^.=\s]+)\.([^.=\s]+)=(.+)", grid, flags=re.DOTALL)
-        if match is None:
-            raise UserError(f"--grid '{grid}' is not METHOD.FIELD=V1,V2,….", "Write, for example, --grid dilo.tau=1,3.")
-        method, field, text = match.groups()
-        if method not in methods:
-            raise unknown_name("method in --grid", method, methods)
+        method, field, text = _field_and_text("--grid", grid, methods)
         if field in found.setdefault(method, {}):
             raise UserError(f"--grid names {method}.{field} twice.", "Give all of its values at once.")
         try:
@@ -138,6 +128,24 @@ def parse_grids(grids: Sequence[str], methods: Sequence[str]) -> Grids:
         except (ValueError, RecursionError):
             found[method][field] = tuple(_value(part.strip()) for part in text.split(","))
     return found
+
+
+_FORMS = {"--set": ("VALUE", "3"), "--grid": ("V1,V2,…", "1,3")}
+"""Options that assign to fields of methods: the form of what follows ``=``, and an example."""
+
+
+def _field_and_text(option: str, typed: str, methods: Sequence[str]) -> tuple[str, str, str]:
+    """Method, field and text of ``METHOD.FIELD=TEXT``; the text of a grid is not empty."""
+    form, example = _FORMS[option]
+    match = re.fullmatch(r"([^.=\s]+)\.([^.=\s]+)=(.*)", typed, flags=re.DOTALL)
+    if match is None or (option == "--grid" and not match[3]):
+        raise UserError(
+            f"{option} '{typed}' is not METHOD.FIELD={form}.", f"Write, for example, {option} dilo.tau={example}."
+        )
+    method, field, text = match.groups()
+    if method not in methods:
+        raise unknown_name(f"method in {option}", method, methods)
+    return method, field, text
 
 
 def spelled_grid(method: str, grid: Mapping[str, Sequence[Any]]) -> list[str]:

@@ -17,9 +17,9 @@ from lfobench.cells.cell import (
     configure,
     load_protocol,
 )
-from lfobench.cells.names import chosen_methods, chosen_tasks, parse_assignments, parse_seeds
+from lfobench.cells.names import chosen_methods, parse_assignments, parse_seeds
 from lfobench.cells.parts import requests, simulator_versions
-from lfobench.cells.sources import Find, choose_source, nowhere, read_from
+from lfobench.cells.sources import Find, nowhere, read_tasks
 from lfobench.contract.suite import Suite, Task
 from lfobench.errors import UserError, unknown_name
 from lfobench.registry import load_suite
@@ -57,6 +57,7 @@ class Plan:
         protocol: the one that runs.
         protocol_reason: why, when the user left it to us; else empty.
         device: ``cpu`` or ``cuda``.
+        left_out: names of the suite's tasks that the source lacks.
     """
 
     suite: Suite
@@ -65,6 +66,7 @@ class Plan:
     protocol: Protocol
     protocol_reason: str
     device: str
+    left_out: tuple[str, ...] = ()
 
     @property
     def runs(self) -> list[Run]:
@@ -93,13 +95,11 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
     protocol, reason = choose_protocol(request.protocol, device)
     protocol = replace(protocol, assigned=request.assigned)
     suite = load_suite(request.suite)
-    source, own = choose_source(request.source, suite)
-    chosen = chosen_tasks(suite, request.tasks)
-    tasks = read_from(chosen, source, own, find)
+    read = read_tasks(suite, request.tasks, request.source, find)
     methods = {method.name: method for method in chosen_methods(request.methods).values()}
     seeds = tuple(parse_seeds(protocol.seeds if request.seeds is None else request.seeds))
     assigned = parse_assignments(request.assignments, list(methods))
-    for task in tasks:
+    for task in read.tasks:
         check_environment(task)
     cells = [
         Cell(
@@ -112,20 +112,20 @@ def make_plan(request: Request, cuda_available: Callable[[], bool], find: Find =
             suite_name=suite.name,
             task=task,
             protocol=here,
-            source=source,
+            source=read.source,
             data=data,
             simulator=simulator_versions(task),
             precision=precision,
             code=code_of(method),
         )
-        for task in tasks
+        for task in read.tasks
         for data, here in [(_data(suite, task, protocol), protocol.for_task(task))]
         for name, method in methods.items()
         for configured in [configure(method, request.preset, here, assigned.get(name, {}), task.settings.get(name, {}))]
     ]
     for cell in cells:
         _check_actions(cell)
-    return Plan(suite, tuple(cells), seeds, protocol, reason, device)
+    return Plan(suite, tuple(cells), seeds, protocol, reason, device, read.left_out)
 
 
 def check_environment(task: Task) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lfobench.cells.names import split_names
+from lfobench.cells.names import chosen_tasks, split_names
 from lfobench.contract.suite import GENERATED, DataFile, Files, Recipe, Suite, Task, check_keys, own_file
 from lfobench.errors import UserError, unknown_name
 
@@ -124,6 +124,48 @@ def read_from(tasks: Sequence[Task], source: str, own: Files | None, find: Find)
             )
         )
     return found
+
+
+@dataclass(frozen=True)
+class ReadTasks:
+    """Tasks of a suite as a source has them.
+
+    Attributes:
+        source: its name.
+        tasks: in the source's form.
+        left_out: names of the suite's tasks that the source lacks, where no task was named.
+    """
+
+    source: str
+    tasks: tuple[Task, ...]
+    left_out: tuple[str, ...] = ()
+
+
+def read_tasks(suite: Suite, globs: str | None, text: str, find: Find) -> ReadTasks:
+    """Tasks that ``--tasks`` names, or else all that the source of ``--source`` has.
+
+    Raises:
+        UserError: an unknown name, a named task that the source lacks, or own files for tasks that nobody named, of
+            several environments.
+    """
+    source, own = choose_source(text, suite)
+    chosen, left_out = chosen_tasks(suite, globs), []
+    if globs is None and own is not None:
+        _check_one_environment(suite)
+    elif globs is None and source != GENERATED:
+        left_out = [task.name for task in chosen if source not in task.files]
+        chosen = [task for task in chosen if source in task.files]
+    return ReadTasks(source, tuple(read_from(chosen, source, own, find)), tuple(left_out))
+
+
+def _check_one_environment(suite: Suite) -> None:
+    names = list(dict.fromkeys(task.environment.name for task in suite.tasks))
+    if len(names) > 1:
+        raise UserError(
+            f"--source names the files of one environment, and the tasks of suite '{suite.name}' have {len(names)} "
+            f"({', '.join(names)}).",
+            f"Say which tasks the files are for, e.g. --tasks {suite.tasks[0].name}.",
+        )
 
 
 def _counted(recipe: Recipe, own: Files | None) -> Recipe:

@@ -47,7 +47,6 @@ def show(schedule: Schedule, out: Path) -> None:
             output.print(f"{_ASSIGNED[name]:<9} {value:,}, set with --{name.replace('_', '-')}")
     if tuned := sum(cell.tuning is not None for cell in plan.cells):
         output.print(f"tuned     {tuned} of {len(plan.cells)} cells, as 'lfobench tune' chose")
-    output.print(f"device    {plan.device}{_arrangement(schedule)}")
     output.print(f"records   {escape(str(out))}", soft_wrap=True)
     if schedule.shards:
         shards = counted(len(schedule.shards), "shard")
@@ -55,6 +54,8 @@ def show(schedule: Schedule, out: Path) -> None:
     if any(task.read_from is not None for task in plan.tasks):
         evaluated = ", ".join(dict.fromkeys(task.environment.id.rpartition(":")[2] for task in plan.tasks))
         output.print(f"source    {plan.cells[0].source}, evaluated on {escape(evaluated)}", soft_wrap=True)
+    if plan.left_out:
+        output.print(f"left out  tasks without data of this source: {escape(', '.join(plan.left_out))}", soft_wrap=True)
     boxes = scaled_actions(plan.tasks)
     for box in dict.fromkeys(boxes.values()):
         names = ", ".join(name for name, own in boxes.items() if own == box)
@@ -65,8 +66,9 @@ def show(schedule: Schedule, out: Path) -> None:
 
 
 def show_forecast(schedule: Schedule, expected: Forecast) -> None:
-    """Print how much is left to do, and for how long; warnings first."""
+    """Print the device with what runs on it at once, how much is left to do, and for how long; warnings first."""
     warn(expected.warnings)
+    output.print(f"device    {schedule.plan.device}{_arrangement(schedule)}")
     if schedule.pending:
         left = f"{len(schedule.pending)} of {len(schedule.plan.runs)} runs"
         output.print(f"to do     {left}, about {duration(expected.total_seconds)}")
@@ -127,6 +129,7 @@ def as_json(schedule: Schedule, expected: Forecast) -> dict[str, Any]:
         "protocol": schedule.plan.protocol.name,
         "protocol_reason": schedule.plan.protocol_reason,
         "assigned": asdict(schedule.plan.protocol.assigned),
+        "tasks_left_out": list(schedule.plan.left_out),
         "device": schedule.plan.device,
         "workers": schedule.workers,
         "shards_to_build": len(schedule.shards),

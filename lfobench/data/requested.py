@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from lfobench.cells.cell import Protocol
-from lfobench.cells.names import chosen_tasks
 from lfobench.cells.parts import PartRequest, build_command, requests
 from lfobench.cells.plan import choose_protocol, cuda_is_available
-from lfobench.cells.sources import check_here, choose_source, read_from, spelled
+from lfobench.cells.sources import check_here, read_tasks, spelled
 from lfobench.contract.suite import Suite, Task
 from lfobench.data.build import ImportJob, ShardJob, missing_shards
 from lfobench.data.cache import PartCache
@@ -85,7 +84,7 @@ def requested_data(suite: str, tasks: str | None, protocol: str, source: str) ->
 
     Args:
         suite: a name, or the path of a file.
-        tasks: globs; None takes all.
+        tasks: globs; None takes all that the source has.
         protocol: a name, or ``auto``.
         source: as ``--source`` takes it.
 
@@ -93,10 +92,9 @@ def requested_data(suite: str, tasks: str | None, protocol: str, source: str) ->
         UserError: an unknown name, or a file of the user's that is not there.
     """
     loaded, cache = load_suite(suite), cache_folder()
-    name, own = choose_source(source, loaded)
-    chosen = chosen_tasks(loaded, tasks)
+    read = read_tasks(loaded, tasks, source, Library(cache).find)
     budget, _ = choose_protocol(protocol, "cuda" if cuda_is_available() else "cpu")
-    return RequestedData(suite, loaded, tuple(read_from(chosen, name, own, Library(cache).find)), name, budget, cache)
+    return RequestedData(suite, loaded, read.tasks, read.source, budget, cache)
 
 
 def _row(task: str, request: PartRequest, cache: PartCache) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """A short measured probe of how long this machine will take, and with how much memory, before anything trains.
 
-A step of a method is measured once per configuration: its time depends on the hidden layers and the batch far more
-than on the width of a flat observation. A step of a simulator is measured once per environment.
+A step of a method is measured once per configuration and shapes, a step of a simulator once per environment, and a
+transition of generated data once per environment and demonstrator.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from torch.utils._pytree import tree_flatten
 from lfobench.cells.cell import Cell
 from lfobench.cells.recipes import most_rows
 from lfobench.contract.method import DataNeeds, Field, Method, Shapes, Sizes, Stage
-from lfobench.contract.suite import Environment, FloatArray, ScriptedDemonstrator
+from lfobench.contract.suite import Demonstrator, Environment, FloatArray, ScriptedDemonstrator
 from lfobench.data.firewall import Table, View
 from lfobench.data.mixing import ObservationTransform
 from lfobench.engine.memory import Footprint
@@ -40,8 +40,6 @@ PROBE_SECONDS = 0.05
 WARM_UP = 2
 RECORDED = 4
 """Episodes of a scripted demonstrator in a probe; many at once take little longer."""
-DEMONSTRATION = 1.5
-"""A generated transition over a simulator's step: the demonstrator's own computation, found between 1.0 and 2.1."""
 CALLS_PER_BLOCK = 4
 
 
@@ -104,8 +102,9 @@ class Prober:
 
     def __init__(self, device: str) -> None:
         self._device = torch.device(device)
-        self._steps: dict[tuple[str, str, int, int], tuple[Method, dict[str, float]]] = {}
+        self._steps: dict[tuple[str, str, Shapes, int, int], tuple[Method, dict[str, float]]] = {}
         self._simulator_steps: dict[str, float] = {}
+        self._transitions: dict[tuple[str, str], float] = {}
         self._recordings: dict[str, float] = {}
         self._seed_bytes: dict[tuple[str, str, Shapes], int] = {}
 
@@ -118,10 +117,10 @@ class Prober:
             threads: of one process on a CPU.
         """
         environment, protocol = cell.task.environment, cell.protocol
-        key = (cell.method.name, cell.config.model_dump_json(), seeds, threads)
+        shapes = _shapes(environment)
+        key = (cell.method.name, cell.config.model_dump_json(), shapes, seeds, threads)
         if key not in self._steps:
             torch.set_num_threads(threads)
-            shapes = _shapes(environment)
             programs = _programs(cell, shapes, seeds, self._device)
             seconds = {name: _seconds_per_call(update, self._device) for name, update, _ in programs}
             # For its stages alone; those that were timed release their memory.
@@ -135,9 +134,15 @@ class Prober:
         episodes = -(-steps // protocol.evaluation_every) * protocol.evaluation_episodes + protocol.further_episodes
         return Estimate(training, episodes * environment.horizon * seeds * self._simulator_step(environment))
 
-    def generation(self, environment: Environment) -> float:
-        """Seconds per transition that a demonstrator generates."""
-        return DEMONSTRATION * self._simulator_step(environment)
+    def generation(self, environment: Environment, demonstrator: Demonstrator) -> float:
+        """Seconds per transition that a demonstrator generates: its action, and the simulator's step."""
+        key = (environment.name, demonstrator.fingerprint)
+        if key not in self._transitions:
+            generator = np.random.default_rng(0)
+            self._transitions[key] = _seconds_per_step(
+                environment.make(), lambda observation: demonstrator.act(observation, generator)
+            )
+        return self._transitions[key]
 
     def recording(self, demonstrator: ScriptedDemonstrator) -> float:
         """Seconds that a scripted demonstrator takes to record a few episodes; many at once take little longer."""
@@ -169,7 +174,7 @@ class Prober:
             action = box.in_units(np.zeros(len(box.low), np.float32))
             together = environment.make_many(WORLDS)
             self._simulator_steps[environment.name] = (
-                _seconds_per_step(environment.make(), action)
+                _seconds_per_step(environment.make(), lambda _: action)
                 if together is None
                 else _seconds_per_world(together, np.stack([action] * WORLDS))
             )
@@ -219,14 +224,16 @@ def random_view(needs: DataNeeds, shapes: Shapes, device: torch.device, rows: in
     return View(table(rest), table(initial), table(needs.expert), shapes, ObservationTransform(zeros, zeros + 1, False))
 
 
-def _seconds_per_step(simulator: gymnasium.Env[Any, Any], action: FloatArray) -> float:
-    """Seconds of a simulator's step, resets included; closes it."""
-    simulator.reset(seed=0)
+def _seconds_per_step(simulator: gymnasium.Env[Any, Any], act: Callable[[FloatArray], FloatArray]) -> float:
+    """Seconds of an action and a simulator's step, resets included; closes it."""
+    observation, _ = simulator.reset(seed=0)
 
     def step() -> None:
-        _, _, terminated, truncated, _ = simulator.step(action)
+        nonlocal observation
+        action = act(np.asarray(observation, np.float32))
+        observation, _, terminated, truncated, _ = simulator.step(action)
         if terminated or truncated:
-            simulator.reset()
+            observation, _ = simulator.reset()
 
     try:
         return _seconds_per_call(step)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,13 +17,11 @@ from pydantic import ValidationError
 from lfobench.errors import UserError
 from lfobench.files import Held, locked, read_within, remove_leftovers, write_text
 from lfobench.record import MOST_BYTES, SCHEMA, Failure, Record, Warning, first_problem
+from lfobench.records.sealed import read_sealed, write_sealed
 from lfobench.text import canonical_json, content_hash
 
 if TYPE_CHECKING:
     from lfobench.cells.cell import Run
-
-SEAL = "seal"
-"""Key of the hash over everything else in a record's file."""
 
 FAILURE_SUFFIX = ".failure"
 
@@ -88,8 +85,7 @@ class RecordFolder:
     def write(self, run: Run, record: Record) -> Path:
         """Store a record atomically."""
         path = self.path(run)
-        content = record.model_dump(mode="json")
-        write_text(path, json.dumps({**content, SEAL: content_hash(content)}, indent=1, allow_nan=False) + "\n")
+        write_sealed(path, record.model_dump(mode="json"))
         return path
 
     def remove_leftovers(self) -> None:
@@ -275,13 +271,13 @@ def warnings_of_copies(paths: Sequence[Path], contradict: bool) -> list[Warning]
 def read_record(path: Path) -> Record | Warning:
     """One record, or a warning with the reason why the file is not one."""
     try:
-        content = json.loads(read_within(path, MOST_BYTES))
+        sealed = read_sealed(path)
+        content = sealed.content
         if isinstance(content, dict) and content.get("schema_version", SCHEMA) != SCHEMA:
             cause = f"its schema is {content['schema_version']}, this version reads {SCHEMA}"
             return Warning(what=f"{path} was skipped: {cause}.", remedy="Run it again, or use the version it is from.")
-        seal = content.pop(SEAL, None) if isinstance(content, dict) else None
         record = Record.model_validate(content)
-        intact = seal == content_hash(content)
+        intact = sealed.intact
     except (OSError, ValueError, RecursionError) as error:
         cause = first_problem(error) if isinstance(error, ValidationError) else str(error)
         return Warning(what=f"{path} is not a record of lfobench and was skipped ({cause}).", remedy="Move it away.")

@@ -6,7 +6,6 @@ of ordinary records, one per trial and seed.
 
 from __future__ import annotations
 
-import json
 import math
 import statistics
 from collections.abc import Mapping, Sequence
@@ -21,9 +20,9 @@ from lfobench.cells.names import parse_assignments, parse_grids, spelled_grid
 from lfobench.cells.plan import Plan, Request
 from lfobench.cells.tuning import Search, search_of, tune_command
 from lfobench.errors import UserError
-from lfobench.files import read_within, write_text
-from lfobench.record import MOST_BYTES, Record, Tuning
-from lfobench.records.folder import SEAL, TUNING, RecordFolder, differences, read_record, safe_name
+from lfobench.record import Record, Tuning
+from lfobench.records.folder import TUNING, RecordFolder, differences, read_record, safe_name
+from lfobench.records.sealed import read_sealed, write_sealed
 from lfobench.score import Statistic, tie
 from lfobench.text import content_hash
 
@@ -145,8 +144,7 @@ class TuningFolder:
     def write(self, search: Search, choice: Choice) -> Path:
         """Store a choice atomically, in place of an earlier one for the same conditions."""
         path = self.path(search)
-        content = choice.model_dump(mode="json")
-        write_text(path, json.dumps({**content, SEAL: content_hash(content)}, indent=1, allow_nan=False) + "\n")
+        write_sealed(path, choice.model_dump(mode="json"))
         return path
 
     def find(self, search: Search) -> Choice | None:
@@ -201,12 +199,11 @@ class TuningFolder:
     @staticmethod
     def _read(path: Path) -> Choice | None:
         try:
-            content = json.loads(read_within(path, MOST_BYTES))
-            seal = content.pop(SEAL, None) if isinstance(content, dict) else None
-            choice = Choice.model_validate(content)
+            sealed = read_sealed(path)
+            choice = Choice.model_validate(sealed.content)
         except (OSError, ValueError, ValidationError, RecursionError):
             return None
-        return choice if seal == content_hash(content) else None
+        return choice if sealed.intact else None
 
 
 def with_choices(plan: Plan, request: Request, folder: TuningFolder) -> Plan:

@@ -215,7 +215,7 @@ def _shard_seconds(plan: Plan, task: str, level: Level, prober: Prober) -> float
     demonstrator = plan.suite.demonstrator(environment.name, level)
     if isinstance(demonstrator, ScriptedDemonstrator):
         return prober.recording(demonstrator)
-    return SHARD_TRANSITIONS * prober.generation(environment)
+    return SHARD_TRANSITIONS * prober.generation(environment, demonstrator)
 
 
 # Jobs that share a CUDA device: one keeps it busy, the others load, record and wait.

@@ -41,6 +41,7 @@ def check_cell(records: Sequence[Record]) -> None:
     for other in records[1:]:
         for field, one, two in leaf_differences(first.identity, other.identity):
             if field != "seed":
+                _check_files(field, first, other)
                 raise UserError(
                     f"{first.method} on {first.task} was run with {field} = {one} and with {two}.",
                     _REMEDIES.get(field, _SEPARATELY),
@@ -90,10 +91,31 @@ def _check_tasks(records: Sequence[Record]) -> None:
     for record in records:
         first = firsts.setdefault(record.task, record)
         for field, one, two in leaf_differences(_conditions(first), _conditions(record)):
+            _check_files(field, first, record)
             raise UserError(
                 f"On {record.task}, {first.method} was run with {field} = {one} and {record.method} with {two}.",
                 _REMEDIES.get(field, _SEPARATELY),
             )
+
+
+def _check_files(field: str, first: Record, second: Record) -> None:
+    """Refuses records of different data files, by the names of the files, where `field` is one of their data."""
+    top, _, part = field.partition(".")
+    one, two = (_file_name(record, part) for record in (first, second))
+    if top != "data" or one is None or two is None:
+        return
+    runs = f"{first.method} seed {first.seed} and {second.method} seed {second.seed}"
+    files = f"{one} and {two}" if one != two else f"two files named {one}, of different content"
+    raise UserError(f"On {first.task}, the {part} data of {runs} come from {files}.", _SEPARATELY)
+
+
+def _file_name(record: Record, part: str) -> str | None:
+    """Name of the file that a part of the data was read from; None where the record does not say."""
+    # Provenance is free text of whoever wrote the record.
+    files = record.provenance.get("data_files")
+    file = files.get(part) if isinstance(files, Mapping) else None
+    name = file.get("name") if isinstance(file, Mapping) else None
+    return harmless(str(name)) if name else None
 
 
 def _conditions(record: Record) -> dict[str, Any]:

@@ -111,6 +111,7 @@ def test_a_chosen_protocol_and_auto_are_one_run() -> None:
         (Request("bc", TINY, preset="papr"), r"Unknown preset of bc 'papr'.*Did you mean 'paper'"),
         (Request("bc", TINY, source="generatd"), r"Unknown source 'generatd'.*Did you mean 'generated'"),
         (Request("bc", TINY, device="gpu"), r"Unknown device 'gpu'"),
+        (Request("bc", "locomotion", source="expert=/a.hdf5"), r"one environment.*have \d.*--tasks"),
         (Request("bc", TINY, device="cuda"), r"No CUDA device.*--device cpu"),
         (Request("bc", TINY, assignments=("dilo.tau=3",)), r"Unknown method in --set 'dilo'"),
         (Request("bc", TINY, assignments=(f"bc.learning_rate={'9' * 5000}",)), r"--set bc.learning_rate="),

@@ -115,6 +115,15 @@ def test_a_task_that_a_source_does_not_have(suite: Suite) -> None:
         read_from(suite.tasks, "there", None, here)
 
 
+def test_without_named_tasks_those_that_a_source_has_are_planned() -> None:
+    plan = make_plan(Request("bc", "locomotion", source="minari", protocol="smoke"), lambda: False)
+    named = {task.name for task in plan.tasks}
+    assert named and plan.left_out and not named & set(plan.left_out)
+    assert named | set(plan.left_out) == {task.name for task in load_suite("locomotion").tasks}
+    with pytest.raises(UserError, match=f"Task '{plan.left_out[0]}' has no source 'minari'"):
+        make_plan(Request("bc", "locomotion", plan.left_out[0], source="minari", protocol="smoke"), lambda: False)
+
+
 def test_keys_of_both_parts_or_of_one(suite: Suite) -> None:
     text = "offline=/a.hdf5,expert=/b.hdf5,keys=position+velocity,expert.keys=state"
     _, files = choose_source(text, suite)

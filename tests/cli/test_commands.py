@@ -27,7 +27,8 @@ from lfobench.cells.cell import PROTOCOLS, Run
 from lfobench.cli import app, progress
 from lfobench.contract.method import MethodConfig
 from lfobench.files import locked
-from lfobench.records.folder import SEAL, RecordFolder
+from lfobench.records.folder import RecordFolder
+from lfobench.records.sealed import SEAL
 from lfobench.registry import load_method, load_suite, method_names
 from lfobench.stats.options import Test
 from lfobench.text import content_hash

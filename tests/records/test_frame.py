@@ -24,9 +24,10 @@ from hypothesis import strategies as st
 import lfobench
 from lfobench.errors import UserError
 from lfobench.record import Evaluation, Metrics, Record, Warning
-from lfobench.records.folder import SEAL, RecordFolder, read_record
+from lfobench.records.folder import RecordFolder, read_record
 from lfobench.records.frame import RUN_COLUMNS
 from lfobench.records.index import index_path, read_index
+from lfobench.records.sealed import SEAL
 from lfobench.text import content_hash
 
 HOUR = 3600 * 10**9

@@ -16,7 +16,8 @@ from helpers_records import record_of
 from lfobench.cells.cell import Run
 from lfobench.errors import UserError
 from lfobench.record import Warning
-from lfobench.records.folder import SEAL, RecordFolder, read_failures, read_record, select
+from lfobench.records.folder import RecordFolder, read_failures, read_record, select
+from lfobench.records.sealed import SEAL
 from lfobench.text import content_hash
 
 

@@ -12,7 +12,7 @@ from helpers_engine import POLE_TASK, TINY, smoke_cell
 
 from lfobench.cells.cell import Cell
 from lfobench.cells.plan import Request, make_plan
-from lfobench.contract.suite import Environment
+from lfobench.contract.suite import Demonstrator, Environment
 from lfobench.engine.job import Job
 from lfobench.engine.memory import Footprint, Memory
 from lfobench.engine.probe import Estimate, Prober
@@ -40,7 +40,7 @@ class FakeProber:
             raise self.error
         return Estimate(float(seeds), 0.0)
 
-    def generation(self, environment: Environment) -> float:
+    def generation(self, environment: Environment, demonstrator: Demonstrator) -> float:
         return 0.0
 
 

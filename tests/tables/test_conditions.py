@@ -93,3 +93,15 @@ def test_a_row_compares_one_precision(make_record: Callable[..., Record]) -> Non
         with pytest.raises(UserError, match=rf"hopper-random-expert.*precision = auto and .*{other}"):
             build_table([one, make_record(1.0, seed=1, precision=other)])
     assert len(list(build_table([one, make_record(1.0, "oril", precision="auto")]).rows())) == 1
+
+
+def test_files_of_different_data_are_named(make_record: Callable[..., Record]) -> None:
+    def of_file(name: str, seed: int, digit: str) -> Record:
+        record = make_record(1.0, seed=seed, data={"offline": digit * 64, "expert": "b2"})
+        files = {"offline": {"name": name, "sha256": digit * 64}}
+        return record.model_copy(update={"provenance": {**record.provenance, "data_files": files}})
+
+    with pytest.raises(UserError, match="offline data of dilo seed 0 and dilo seed 1 come from one and two"):
+        build_table([of_file("one", 0, "a"), of_file("two", 1, "b")])
+    with pytest.raises(UserError, match="two files named one, of different content"):
+        build_table([of_file("one", 0, "a"), of_file("one", 1, "b")])
