@@ -21,7 +21,7 @@ from lfobench.tables.table import Table
 if TYPE_CHECKING:
     from typing import Unpack
 
-COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
+COLUMN_ORDER = ("dilo", "smodice", "oril", "bco", "seabo", "bc", "bc-expert")
 """Order of the columns where none is asked for; other methods follow as they first appear."""
 
 

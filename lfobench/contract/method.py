@@ -69,6 +69,19 @@ class MethodConfig(BaseModel):
         return self.model_dump(mode="json", exclude=silent)
 
 
+class UnsuitableData(ValueError):
+    """Raised by `Method.prepare` for data that cannot give what the method needs.
+
+    Args:
+        cause: one sentence that names what is missing.
+        remedy: one sentence that says what to do.
+    """
+
+    def __init__(self, cause: str, remedy: str) -> None:
+        super().__init__(cause)
+        self.remedy = remedy
+
+
 WHOLE_RUN = "whole run"
 
 
@@ -239,6 +252,9 @@ class Method(ABC):
 
         Returns:
             ``[N]`` for all seeds, or ``[S, N]``, in the order of the transitions of `offline`; float32, finite.
+
+        Raises:
+            UnsuitableData: the data cannot give what the method needs.
         """
         raise NotImplementedError(f"{cls.name} asks for labels and has no `prepare`")
 

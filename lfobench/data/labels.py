@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from lfobench.contract.episodes import BoolArray, IntArray
-from lfobench.contract.method import DataNeeds, Method, Trajectories
+from lfobench.contract.method import DataNeeds, Method, Trajectories, UnsuitableData
 from lfobench.data.boundaries import Rows
 from lfobench.data.mixing import Mixture
 from lfobench.errors import UserError
@@ -88,7 +88,7 @@ def labels_of(
         progress: called with the fraction done; may raise.
 
     Raises:
-        UserError: labels of another shape than the transitions', or not finite.
+        UserError: data that the method refuses, labels of another shape than the transitions', or not finite.
     """
     if LABEL not in needs.offline:
         return None
@@ -110,7 +110,10 @@ def labels_of(
     )
     found = _cached(cache, key, seeds)
     if found is None:
-        found = method.prepare(config, offline, expert, seeds, progress)
+        try:
+            found = method.prepare(config, offline, expert, seeds, progress)
+        except UnsuitableData as error:
+            raise UserError(str(error), error.remedy) from error
         _check(method, found, len(runs.actions), len(seeds))
         _keep(cache, key, seeds, found)
     labels = torch.full((*found.shape[:-1], len(mixture.actions)), torch.nan)

@@ -61,6 +61,8 @@ def make_batch(
     for field in fields:
         if field == "action":
             column = uniform(generator, seeds, rows, shapes.action) * 2.0 - 1.0
+        elif field == "label":
+            column = uniform(generator, seeds, rows)
         elif field == "terminated":
             column = (uniform(generator, seeds, rows) < ended).float()
         else:

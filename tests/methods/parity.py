@@ -163,7 +163,11 @@ def replay(
     }
 
 
-TARGETS = {"dilo": {"target": "value"}, "oril": {"actor_target": "actor", "critic_target": "critic"}}
+TARGETS = {
+    "dilo": {"target": "value"},
+    "oril": {"actor_target": "actor", "critic_target": "critic"},
+    "seabo": {"iql.target": "iql.critic"},
+}
 """Copies that a method makes of its networks, by method."""
 
 
@@ -282,6 +286,28 @@ def oril(networks: Networks, config: Any, steps: list[Inputs]) -> None:
     networks |= {"critic_target:0": targets[0], "critic_target:1": targets[1], "actor_target": targets[2]}
 
 
+def seabo(networks: Networks, config: Any, steps: list[Inputs]) -> None:
+    critics = [networks["iql.critic:0"], networks["iql.critic:1"]]
+    value, policy = networks["iql.value"], networks["iql.policy.network"]
+    targets = [[layer.copy() for layer in critic] for critic in critics]
+    adams, value_adam, policy_adam = [AdamReference(), AdamReference()], AdamReference(), AdamReference()
+    for update, each in enumerate(steps):
+        rows = each.offline
+        pairs = np.concatenate([rows["observation"], rows["action"]], 1)
+        q = np.minimum(*(ref.evaluate(target, pairs)[:, 0] for target in targets))
+        value_adam.step(value, ref.expectile_gradient(value, rows, q, config.expectile), config.learning_rate)
+        weight = ref.iql_weights(value, rows, q, config.inverse_temperature, config.weight_limit) / SHAPES.action
+        rate = config.learning_rate * (1.0 + np.cos(np.pi * update / config.policy_cosine_steps)) / 2.0
+        policy_adam.step(policy, ref.regression_gradient(policy, rows, weight), rate)
+        gradients = ref.iql_critic_gradients(critics, value, rows, rows["label"], config.discount)
+        for critic, adam, gradient in zip(critics, adams, gradients, strict=True):
+            adam.step(critic, gradient, config.learning_rate)
+        for followed, critic in zip(targets, critics, strict=True):
+            for index, layer in enumerate(critic):
+                followed[index] += config.target_rate * (layer - followed[index])
+    networks |= {"iql.target:0": targets[0], "iql.target:1": targets[1]}
+
+
 def bco(networks: Networks, config: Any, steps: list[Inputs]) -> None:
     inverse, policy = networks["inverse_dynamics"], networks["policy.network"]
     inverse_adam, policy_adam = AdamReference(), AdamReference()
@@ -315,6 +341,11 @@ _ORIL: Sizes = {
     "actor": _DETERMINISTIC,
 }
 _BCO: Sizes = {"inverse_dynamics": (PAIR, *HIDDEN, SHAPES.action), "policy.network": _DETERMINISTIC}
+_SEABO: Sizes = {
+    "iql.value": _STATE,
+    "iql.critic": (SHAPES.observation + SHAPES.action, *HIDDEN, 1),
+    "iql.policy.network": _DETERMINISTIC,
+}
 # Rates that move networks of this size far enough in twenty updates.
 _RATE = {"learning_rate": 3e-3}
 _BOTH = {**_RATE, "discriminator_learning_rate": 3e-3}
@@ -333,6 +364,14 @@ CASES = (
         _BCO,
         ("inverse dynamics", "policy"),
         bco,
+    ),
+    Case(
+        "seabo",
+        "released",
+        {**_RATE, "target_rate": 0.05, "policy_cosine_steps": 40, "weight_limit": 3.0},
+        _SEABO,
+        ("policy",),
+        seabo,
     ),
     Case("bc", "released", _RATE, {"policy.network": _GAUSSIAN}, ("policy",), bc),
     Case("bc", "paper", _RATE, {"policy.network": _GAUSSIAN}, ("policy",), bc),

@@ -376,6 +376,29 @@ def oril_scale(actor: Parameters, critic: Parameters, rows: Rows) -> float:
     return float(2.5 / np.abs(value).mean())
 
 
+# --- implicit Q-learning ------------------------------------------------------------------------
+
+
+def expectile_gradient(value: Parameters, rows: Rows, q: Array, expectile: float) -> Parameters:
+    """Gradient of ``mean |tau_e - 1[u <= 0]| u^2``, ``u = q - V(s)``."""
+    u = q - evaluate(value, rows["observation"])[:, 0]
+    slope = -2.0 * np.where(u > 0.0, expectile, 1.0 - expectile) * u / len(u)
+    return pull_back(value, rows["observation"], slope[:, None])
+
+
+def iql_weights(value: Parameters, rows: Rows, q: Array, inverse_temperature: float, limit: float) -> Array:
+    """``min(exp(B (q - V(s))), limit)``."""
+    return np.minimum(np.exp(inverse_temperature * (q - evaluate(value, rows["observation"])[:, 0])), limit)
+
+
+def iql_critic_gradients(
+    critics: Sequence[Parameters], value: Parameters, rows: Rows, reward: Array, discount: float
+) -> list[Parameters]:
+    """Gradient of ``sum_k mean (Q_k(s,a) - r - gamma (1-d) V(s'))^2`` per critic."""
+    following = evaluate(value, rows["next_observation"])[:, 0]
+    return oril_critic_gradients(critics, rows, reward + discount * (1.0 - rows["terminated"]) * following)
+
+
 def _pairs(batch: Rows) -> tuple[Array, Array]:
     """``(s, s')`` and ``(s', s'')``, the inputs of V."""
     s, following, second = (batch[name] for name in ("observation", "next_observation", "second_next_observation"))

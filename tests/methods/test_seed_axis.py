@@ -154,7 +154,7 @@ def test_a_diverging_seed_leaves_the_others_bit_for_bit_as_they_were(name: str, 
         assert [tensor for tensor in expected if not torch.equal(expected[tensor], found[tensor])] == []
     observation = normal(np.random.default_rng(1), len(SEEDS), 10, HOPPER.observation)
     assert torch.equal(healthy.act(observation)[others], diverging.act(observation)[others])
-    acting = "actor" if name == "oril" else "policy.network"
+    acting = {"oril": "actor", "seabo": "iql.policy.network"}.get(name, "policy.network")
     assert not torch.equal(live_tensors(healthy)[acting][PLACE], live_tensors(diverging)[acting][PLACE])
 
 
