@@ -23,7 +23,7 @@ from lfobench.randomness import Randomness, StepRandomness
 from lfobench.registry import load_method
 
 CPU = torch.device("cpu")
-METHODS = ("dilo", "smodice", "oril", "bco", "bc", "bc-expert")
+METHODS = ("dilo", "smodice", "oril", "bco", "seabo", "bc", "bc-expert")
 SEEDS = (3, 4)
 SHAPES = Shapes(5, 2)
 
@@ -34,7 +34,9 @@ def view_for(needs: DataNeeds, device: torch.device = CPU) -> View:
     def table(fields: tuple[Field, ...], rows: int) -> Table:
         columns: dict[Field, tuple[Tensor, Tensor]] = {}
         for field in fields:
-            if field == "terminated":
+            if field == "label":
+                values = generator.uniform(0.0, 1.0, rows)
+            elif field == "terminated":
                 values = generator.random(rows) < 0.1
             else:
                 width = SHAPES.action if field == "action" else SHAPES.observation
