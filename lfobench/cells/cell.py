@@ -85,7 +85,7 @@ class Protocol:
     methods_as: str | None = None
 
     def for_task(self, task: Task) -> Protocol:
-        """What this protocol means for a task, whose steps it takes where it has none, or whose own budget."""
+        """The protocol with a task's own budget, or its steps where the protocol has none, and the user's numbers."""
         budget, assigned = task.budgets.get(self.name), self.assigned
         own = self if budget is None else budget
         every, episodes, final = assigned.evaluation_every, assigned.evaluation_episodes, assigned.final_episodes
@@ -193,7 +193,7 @@ def check_precision(name: str, device: str) -> Precision:
 
 
 def effective(precision: Precision, device: str) -> Precision:
-    """What ``auto`` means: TF32 on CUDA, float32 elsewhere."""
+    """Precision that ``auto`` stands for: TF32 on CUDA, float32 elsewhere."""
     if precision != "auto":
         return precision
     return "tf32" if device == "cuda" else "float32"
@@ -251,7 +251,7 @@ class Cell:
 
     @property
     def needs(self) -> DataNeeds:
-        """What the method must see; on some tasks without the expert trajectories that others find in the mix."""
+        """Data that the method must see; on some tasks without the expert trajectories that others find in the mix."""
         needs: DataNeeds = self.method.needs(self.config)
         return replace(needs, expert_joins=False) if self._without_expert else needs
 
@@ -289,7 +289,7 @@ class Cell:
 
     @property
     def labels(self) -> Labels:
-        """What tables need to place this cell."""
+        """Labels by which tables place this cell."""
         return Labels(
             suite=self.suite_name,
             group=self.task.group,
@@ -307,14 +307,14 @@ class Cell:
 
     @property
     def label(self) -> str:
-        """For progress and messages: ``dilo:released hopper-random-expert``, and what was chosen, ``tau=3``."""
+        """Name in progress and messages: ``dilo:released hopper-random-expert``, and what was chosen, ``tau=3``."""
         tuned = "".join(f" {field}={value}" for field, value in self.tuned.items())
         return f"{self.method.name}:{self.preset} {self.task.name}{tuned}"
 
 
 @dataclass(frozen=True)
 class Run:
-    """A cell and one seed; leaves one record."""
+    """A cell and one seed, which leave one record."""
 
     cell: Cell
     seed: int
@@ -331,7 +331,7 @@ class Run:
 
     @property
     def label(self) -> str:
-        """For progress and messages."""
+        """Name in progress and messages."""
         return f"{self.cell.label} seed {self.seed}"
 
 

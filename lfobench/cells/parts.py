@@ -41,7 +41,7 @@ class FilePart:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """As plain JSON data; neither the file's name nor where it lies is among it."""
+        """Identity as plain JSON data, without the file's name and path."""
         if not self.sha256:
             return {"absent": self.name}
         identity = {"sha256": self.sha256, "horizon": self.horizon, "columns": self.columns, "readers": self.readers}
@@ -54,7 +54,7 @@ class FilePart:
 
     @property
     def level(self) -> str:
-        """What tables and messages call the part."""
+        """Name of the part in tables and messages."""
         return self.name
 
     @property
@@ -118,7 +118,7 @@ class PartSpecification:
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """As plain JSON data."""
+        """Identity as plain JSON data."""
         if self.episodes is not None:
             return {
                 "environment": self.environment.name,

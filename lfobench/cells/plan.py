@@ -30,7 +30,7 @@ DEVICES = ("cpu", "cuda")
 
 @dataclass(frozen=True)
 class Request:
-    """What the user typed."""
+    """Request of a user, as typed."""
 
     methods: str
     suite: str
@@ -156,7 +156,7 @@ GPU_VENDORS = {"0x10de", "0x1002"}
 
 
 def cuda_is_available() -> bool:
-    """Whether torch finds a GPU; on a machine that surely has none nobody needs to load torch to know."""
+    """True if torch finds a GPU; torch is not loaded on a machine that surely has none."""
     if sys.platform == "linux" and PCI.is_dir() and not _may_have_gpu():
         return False
     import torch

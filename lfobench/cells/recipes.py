@@ -45,7 +45,7 @@ def capped(recipe: Recipe, transitions: int | None, trajectories: int | None) ->
 
 
 def sizes(recipe: Recipe) -> dict[str, int]:
-    """What `capped` may reduce, by name."""
+    """Amounts that `capped` may reduce, by name."""
     return {
         "offline_transitions": recipe.offline_transitions or 0,
         "expert_trajectories": recipe.expert_trajectories,

@@ -1,4 +1,4 @@
-"""Where a task's data comes from: ``--source`` turned into tasks that know what they are read from."""
+"""Sources of a task's data: ``--source`` turned into tasks with the files that they are read from."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ def _of_task(own: Files, task: Task) -> Files:
 
 
 def spelled(task: Task, source: str) -> str:
-    """What ``--source`` takes for the data of a task that was read from a source."""
+    """Value of ``--source`` for the data of a task that was read from a source."""
     if source != OWN or task.read_from is None:
         return source
     files = {"offline": task.read_from.offline, "expert": task.read_from.expert}
@@ -204,7 +204,7 @@ def absent_files(tasks: Sequence[Task]) -> list[DataFile]:
 
 
 def download_command(suite: str, source: str, task: str | None = None) -> str:
-    """What a user types to fetch the files of a suite's tasks, or of one."""
+    """Command that fetches the files of a suite's tasks, or of one."""
     words = ["lfobench", "data", "download", suite, "--source", source]
     return shlex.join(words if task is None else [*words, "--tasks", task])
 

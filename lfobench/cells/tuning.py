@@ -24,7 +24,7 @@ from lfobench.record import Tuning
 from lfobench.text import canonical_json, content_hash
 
 MOST_COMBINATIONS = 10_000
-"""Of the values of one grid."""
+"""Limit on the combinations of one grid."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Search:
         return content_hash(self.conditions)
 
     def trials(self, starts: int) -> tuple[Cell, ...]:
-        """What trains to decide, in the order of `tried`: evaluated once, when trained, from validation starts."""
+        """Trials in the order of `tried`, evaluated once, when trained, from validation starts."""
         protocol = self.cell.protocol
         once = replace(
             protocol,
@@ -70,7 +70,7 @@ class Search:
         return tuple(replace(cell, protocol=once, starts="validation") for cell in self.tried)
 
     def tried_before(self, trial: Mapping[str, Any]) -> bool:
-        """Whether a trial was made for this choice or an earlier one in its place, by other starts, seeds or values.
+        """True if a trial was made for this choice or an earlier one in its place, by other starts, seeds or values.
 
         Args:
             trial: the identity of its record.
@@ -167,7 +167,7 @@ def methods_with_grids(tasks: Iterable[Task]) -> list[str]:
 
 
 def tune_command(request: Request, protocol: str, lacking: Sequence[Search], out: str) -> str:
-    """What a user types to make choices that lack: the request, for those methods and tasks.
+    """Command that makes missing choices: the request, for those methods and tasks.
 
     Args:
         request: what was typed.
@@ -206,7 +206,7 @@ def tune_command(request: Request, protocol: str, lacking: Sequence[Search], out
 
 
 def _untuned(identity: Mapping[str, Any], fields: Collection[str]) -> dict[str, Any]:
-    """Of an identity, what holds whatever the values of `fields`, the seed and the starts are."""
+    """Part of an identity that does not depend on `fields`, the seed and the starts."""
     left_out = ("overrides", "set", "tuned", "starts", "seed")
     return {
         **{name: value for name, value in identity.items() if name not in left_out},

@@ -167,7 +167,7 @@ class _Sink(io.RawIOBase):
 
 
 def _spell(error: UnicodeError) -> tuple[str, int]:
-    """What is printed for characters that the encoding of a stream lacks."""
+    """Replacement of characters that the encoding of a stream lacks."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     characters = error.object[error.start : error.end]

@@ -157,7 +157,7 @@ def remove(
 
 
 def library_here() -> Library:
-    """Of the cache."""
+    """Library of the data files of the cache."""
     from lfobench.data.library import Library
     from lfobench.files import cache_folder
 
@@ -339,7 +339,7 @@ def doctor(
 
 
 def _suite_of(subject: str, suite: str) -> str | None:
-    """Of a task: the suite that has it, which may be any registered one besides the default. None of a file.
+    """Suite of a task, which may be any registered one besides the default; None for a file.
 
     Raises:
         UserError: neither a task nor what a file would be called.
@@ -403,10 +403,10 @@ def _show(found: dict[str, Diagnosis], inside: tuple[int, int] | None) -> None:
 def _as_json(subject: str, found: dict[str, Diagnosis], inside: tuple[int, int] | None) -> dict[str, Any]:
     from dataclasses import asdict
 
-    told = [{"usable": each.usable, "terminated": each.terminated, **asdict(each)} for each in found.values()]
+    diagnoses = [{"usable": each.usable, "terminated": each.terminated, **asdict(each)} for each in found.values()]
     if inside is None:
-        return {"file": subject, **told[0]}
-    return {"task": subject, "offline": told[0], "expert": told[1], "expert_rows_inside_offline": inside[0]}
+        return {"file": subject, **diagnoses[0]}
+    return {"task": subject, "offline": diagnoses[0], "expert": diagnoses[1], "expert_rows_inside_offline": inside[0]}
 
 
 app = typer.Typer(name="data", help="Datasets: what is needed and here, fetch, check, build.", no_args_is_help=True)

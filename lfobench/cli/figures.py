@@ -13,7 +13,7 @@ from lfobench.cli.console import output
 
 
 class Width(StrEnum):
-    """What ``--width`` takes."""
+    """Values of ``--width``."""
 
     column = "column"
     page = "page"

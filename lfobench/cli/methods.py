@@ -41,9 +41,9 @@ def check(
             output.print(f"{mark} {escape(each.rule)}", soft_wrap=True)
             if each.problem:
                 output.print(f"       {escape(each.problem)}", soft_wrap=True)
-        words = "breaks a rule, so the rules after it were not checked, and `run` refuses it"
-        words = words if broken else "keeps the contract"
-        output.print(f"{escape(known.name)} {words}.", soft_wrap=True)
+        verdict = "breaks a rule, so the rules after it were not checked, and `run` refuses it"
+        verdict = verdict if broken else "keeps the contract"
+        output.print(f"{escape(known.name)} {verdict}.", soft_wrap=True)
     raise typer.Exit(1 if broken else 0)
 
 
@@ -98,8 +98,8 @@ def _write(kind: str, name: str, taken: list[str]) -> None:
         raise UserError(f"There is a {kind} '{name}'.", "Choose another name.")
     if name in sys.stdlib_module_names or PathFinder.find_spec(name) is not None:
         raise UserError(f"{path} would hide the package '{name}' from the files beside it.", "Choose another name.")
-    words = "".join(part.capitalize() for part in re.split(r"[-_+]", name))
-    of_class = words if words.isidentifier() and not keyword.iskeyword(words) else f"Mine{words}"
+    class_name = "".join(part.capitalize() for part in re.split(r"[-_+]", name))
+    of_class = class_name if class_name.isidentifier() and not keyword.iskeyword(class_name) else f"Mine{class_name}"
     source = files("lfobench.templates").joinpath(f"{kind}.py").read_text(encoding="utf-8")
     source = re.sub(r"\bmine\b", name, re.sub(r"\bMine(?=Config\b|\b)", of_class, source))
     try:

@@ -126,7 +126,7 @@ def request(
 
 
 def choices_in(out: Path, tuned: bool, grid: list[str] | None) -> Path | None:
-    """Where the choices lie that ``--tuned`` takes; None without it.
+    """Folder of the choices that ``--tuned`` takes; None without it.
 
     Raises:
         UserError: ``--grid`` without ``--tuned``.

@@ -1,4 +1,4 @@
-"""What a command will do, shown before it is done."""
+"""Plan of a command, shown before it is carried out."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _lacking(needs: Needs) -> str:
 
 
 def _budget(protocol: Protocol) -> str:
-    """What a protocol means for a task that has a budget of its own."""
+    """Description of a task's own budget."""
     methods = "" if protocol.methods_as is None else f", methods set as for '{protocol.methods_as}'"
     further = f" and at the end {protocol.further_episodes} more" if protocol.further_episodes else ""
     return (
@@ -107,7 +107,7 @@ def _budget(protocol: Protocol) -> str:
 
 
 def _arrangement(schedule: Schedule) -> str:
-    """How the jobs share the machine."""
+    """Description of how the jobs share the machine."""
     at_once = f", {schedule.workers} job{'s' if schedule.workers > 1 else ''} at once"
     threads = max((job.threads for job in schedule.jobs), default=1)
     evaluators = max((job.evaluators for job in schedule.jobs), default=0)

@@ -1,4 +1,4 @@
-"""What a user sees of long work: bars with an ETA on a terminal, a line now and then in a log."""
+"""Progress of long work: bars with an ETA on a terminal, a line now and then in a log."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Display:
         self._next = time.monotonic() + LOG_SECONDS
 
     def tick(self) -> None:
-        """Called at every event: print the lines of the log when they are due."""
+        """Print the lines of the log that are due; called at every event."""
         if not self._logging or time.monotonic() < self._next:
             return
         self._next = time.monotonic() + LOG_SECONDS
@@ -198,7 +198,7 @@ class Terminal(Watcher):
 
 
 def stopping() -> None:
-    """Printed when a stop is asked for."""
+    """Message when a stop is asked for."""
     errors.print("\nStopping: saving where every run stands. Press Ctrl-C again to quit at once.")
 
 

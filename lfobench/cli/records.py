@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 ENDS = ("finished", "diverged", "crashed")
-"""How a run can end."""
+"""Ends of a run."""
 
 
 def status(out: options.Out = options.DEFAULT_OUT, as_json: options.Json = False) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Kind(StrEnum):
-    """What ``ls`` lists."""
+    """Kinds of names that ``ls`` lists."""
 
     methods = "methods"
     suites = "suites"
@@ -121,7 +121,7 @@ def _protocols() -> list[dict[str, Any]]:
 
 
 def first_line(described: type) -> str:
-    """Of its docstring."""
+    """First line of a docstring."""
     text = described.__doc__
     return next(iter(text.strip().splitlines()), "") if isinstance(text, str) else ""
 
@@ -196,7 +196,7 @@ def _spelling(value: Any) -> str:
 
 
 def _takes(field: FieldInfo) -> str:
-    """What a field accepts: ``kl | chi2``, ``int, >= 1``, ``float or none, > 0``."""
+    """Values that a field accepts: ``kl | chi2``, ``int, >= 1``, ``float or none, > 0``."""
     kinds = {int: "int", float: "float", bool: "true or false", str: "text", type(None): "none"}
     union = get_origin(field.annotation) in (Union, UnionType)
     parts = get_args(field.annotation) if union else (field.annotation,)

@@ -181,7 +181,7 @@ def compare(
 
 
 class AuditFormat(StrEnum):
-    """What ``--format`` takes."""
+    """Values of ``--format``."""
 
     terminal = "terminal"
     markdown = "markdown"
@@ -189,14 +189,14 @@ class AuditFormat(StrEnum):
 
 
 class CountTestName(StrEnum):
-    """What ``--count-test`` takes."""
+    """Values of ``--count-test``."""
 
     fisher = "fisher"
     boschloo = "boschloo"
 
 
 class CorrectionName(StrEnum):
-    """What ``--correction`` takes."""
+    """Values of ``--correction``."""
 
     none = "none"
     holm = "holm"

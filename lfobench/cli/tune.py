@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from lfobench.records.tuning import Choice, TuningFolder
 
 SEEDS = "1000"
-"""Of the trials: not among those of any table, unless asked for."""
+"""Seeds of the trials, which are in no table unless asked for."""
 
 
 def tune(

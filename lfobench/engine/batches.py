@@ -37,7 +37,7 @@ class Draws:
 
     @property
     def kinds(self) -> int:
-        """How many different draws the steps have asked for so far."""
+        """Number of different draws that the steps have asked for so far."""
         return len(self._buffers)
 
     def move_to(self, step: int, refill: Callable[[], None]) -> None:
@@ -66,7 +66,7 @@ class Draws:
             buffer.copy_(draw(self._steps))
 
     def buffer(self, name: str, size: int, draw: Draw) -> Tensor:
-        """What `draw` gives for every step of the chunk, ``[chunk, ...]``; drawn when first asked for."""
+        """Draws for every step of the chunk, ``[chunk, ...]``; drawn when first asked for."""
         if (name, size) not in self._buffers:
             self._buffers[name, size] = (draw, draw(self._steps))
         return self._buffers[name, size][1]
@@ -166,7 +166,7 @@ class StageSampler:
 
 
 def check_tables(stage: Stage, offline: Table, expert: Table) -> str | None:
-    """Why a stage cannot draw its batches, or None."""
+    """Reason why a stage cannot draw its batches, or None."""
     if stage.offline_batch and not offline.sampled:
         return f"stage '{stage.name}' needs offline rows and the data holds none"
     if stage.expert_batch and not expert.sampled:

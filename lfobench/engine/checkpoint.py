@@ -26,7 +26,7 @@ SECONDS_BETWEEN = 120.0
 
 
 class Progress(BaseModel):
-    """Where a job stands; the part of a checkpoint that is not tensors.
+    """Progress of a job; the part of a checkpoint that is not tensors.
 
     Attributes:
         stage: index of the running stage.
@@ -123,7 +123,7 @@ class Checkpoints:
 
     @property
     def due(self) -> bool:
-        """Whether the last ones are so old that work worth keeping would be lost."""
+        """True if the last ones are so old that work worth keeping would be lost."""
         return time.monotonic() - self._saved > SECONDS_BETWEEN
 
     def save(self, progress: Progress, states: Sequence[SeedState], sums: Mapping[str, Tensor]) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stepped:
-    """What one step of the running worlds gave, in the order in which they were named.
+    """Results of one step of the running worlds, in the order in which they were named.
 
     Attributes:
         rewards: of each.
@@ -42,7 +42,7 @@ class Simulators(Protocol):
     """A number of worlds, each with an episode of its own."""
 
     def __len__(self) -> int:
-        """How many."""
+        """Number of worlds."""
         ...
 
     def reset(self, seeds: Sequence[int]) -> FloatArray:
@@ -134,7 +134,7 @@ class Together:
 
 @dataclass(frozen=True)
 class EpisodeResults:
-    """What S seeds did in K episodes each.
+    """Results of S seeds in K episodes each.
 
     Attributes:
         returns: raw returns ``[S, K]``.
@@ -196,13 +196,13 @@ def rollout(
                         lengths[slot], outcomes[slot] = time, outcome
                 running = [slot for slot in running if not lengths[slot]]
     shape = (seeds, episodes)
-    told = [outcome for outcome in outcomes if outcome is not None]
-    by_seed = [told[first : first + episodes] for first in range(0, slots, episodes)]
+    known = [outcome for outcome in outcomes if outcome is not None]
+    by_seed = [known[first : first + episodes] for first in range(0, slots, episodes)]
     return EpisodeResults(
         returns=np.array(returns).reshape(shape),
         lengths=np.array(lengths, np.int64).reshape(shape),
         finite=np.array(finite).reshape(shape).all(-1),
-        outcomes=by_seed if len(told) == slots else None,
+        outcomes=by_seed if len(known) == slots else None,
     )
 
 

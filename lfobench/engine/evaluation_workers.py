@@ -42,7 +42,7 @@ Snapshot = list[SeedState]
 
 @dataclass(frozen=True)
 class Assignment:
-    """What a worker evaluates: the seeds ``[first:last]`` of the axis.
+    """Seeds that a worker evaluates: ``[first:last]`` of the axis.
 
     Attributes:
         cell: whose method is evaluated, on its task, with its protocol's episodes.
@@ -61,7 +61,7 @@ class Assignment:
     last: int
 
     def part(self, snapshot: Snapshot) -> list[tuple[dict[str, NDArray[Any]], dict[str, Any]]]:
-        """Its seeds' share of a snapshot, as arrays: torch would pass tensors through shared memory."""
+        """The worker's seeds in a snapshot, as arrays: torch would pass tensors through shared memory."""
         share = snapshot[self.first : self.last]
         return [({name: tensor.numpy() for name, tensor in each.tensors.items()}, each.values) for each in share]
 
@@ -75,7 +75,7 @@ class Part:
 
 
 class Failure(Exception):
-    """Why a worker will not answer; reads as the worker's traceback."""
+    """Reason why a worker will not answer; reads as the worker's traceback."""
 
     def __init__(self, cause: str, detail: str = "") -> None:
         super().__init__(cause, detail)
@@ -237,7 +237,7 @@ class EvaluationWorkers:
             worker.send(snapshot)
 
     def ready(self, timeout: float | None = 0.0) -> bool:
-        """Whether the oldest pending evaluation is finished; False if there is none.
+        """True if the oldest pending evaluation is finished; False if there is none.
 
         Args:
             timeout: seconds to wait for it at most; None waits as long as it takes.
@@ -293,8 +293,8 @@ class EvaluationWorkers:
 
 
 def _joined(parts: Sequence[list[list[str]] | None]) -> list[list[str]] | None:
-    told = [part for part in parts if part is not None]
-    return [seed for part in told for seed in part] if len(told) == len(parts) else None
+    known = [part for part in parts if part is not None]
+    return [seed for part in known for seed in part] if len(known) == len(parts) else None
 
 
 def _end(workers: list[Worker]) -> None:

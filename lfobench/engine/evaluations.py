@@ -36,7 +36,7 @@ class Evaluations:
 
     @property
     def in_turn(self) -> bool:
-        """Whether training waits for every evaluation."""
+        """True if training waits for every evaluation."""
         return self._workers is None
 
     def evaluate(self, method: Method, state: MethodState, progress: Progress) -> None:

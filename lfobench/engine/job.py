@@ -96,7 +96,7 @@ def run_job(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded |
     folder = RecordFolder(job.out)
     writable_folder(folder.checkpoints, "--out")
     with ExitStack() as held:
-        free = [run for run in job.runs if _taken(folder, run, held)]
+        free = [run for run in job.runs if _lock_taken(folder, run, held)]
         taken = {run.seed for run in free}
         if left := tuple(seed for seed in job.seeds if seed not in taken):
             yield TrainedElsewhere(left)
@@ -107,7 +107,7 @@ def run_job(job: Job, stop: Callable[[], bool]) -> Iterator[Advance | Recorded |
         raise Busy
 
 
-def _taken(folder: RecordFolder, run: Run, held: ExitStack) -> bool:
+def _lock_taken(folder: RecordFolder, run: Run, held: ExitStack) -> bool:
     """Take a run's lock, if no other process has it."""
     try:
         held.enter_context(locked(folder.lock(run), "--out"))
@@ -151,7 +151,7 @@ def _train(
             device,
             code_of(cell.method),
             job.cache,
-            partial(_go_on, stop),
+            partial(_check_stop, stop),
         )
     except _Stopped:
         return
@@ -197,7 +197,7 @@ class _Stopped(Exception):
     """A stop was asked for while labels were computed; they are computed again."""
 
 
-def _go_on(stop: Callable[[], bool], done: float) -> None:
+def _check_stop(stop: Callable[[], bool], done: float) -> None:
     if stop():
         raise _Stopped
 

@@ -27,7 +27,7 @@ class Footprint:
     per_seed: int
 
     def total(self, seeds: int) -> int:
-        """Of that many seeds together, with a margin."""
+        """Bytes of that many seeds together, with a margin."""
         return round(MARGIN * (self.fixed + seeds * self.per_seed))
 
 
@@ -68,7 +68,7 @@ def fitting_groups(seeds: Sequence[int], footprint: Footprint, available: int | 
 
 
 def fitting_together(totals: Sequence[int], available: int | None, most: int) -> int:
-    """How many jobs may run at once: any that many of them fit; at least one."""
+    """Number of jobs that may run at once: any that many of them fit; at least one."""
     largest = sorted(totals, reverse=True)
     count = 1
     while count < min(most, len(largest)) and (available is None or sum(largest[: count + 1]) <= available):

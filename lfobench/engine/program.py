@@ -46,7 +46,7 @@ def products(precision: Precision, device: torch.device) -> Iterator[None]:
 
 
 def precision_warnings(precision: Precision, device: torch.device) -> list[Warning]:
-    """What a user should know about a precision on this machine."""
+    """Warnings about a precision on this machine."""
     if precision != "bf16" or device.type != "cpu" or has_bf16_units():
         return []
     return [
@@ -58,7 +58,7 @@ def precision_warnings(precision: Precision, device: torch.device) -> list[Warni
 
 
 def has_bf16_units() -> bool:
-    """Whether the processor multiplies bf16 matrices in hardware."""
+    """True if the processor multiplies bf16 matrices in hardware."""
     try:
         flags = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
     except OSError:
@@ -252,7 +252,7 @@ class Program:
 
 
 def _first_cause(error: BaseException) -> str:
-    """What went wrong first: ending a recording that failed raises an error of its own."""
+    """First cause of an error: ending a recording that failed raises an error of its own."""
     while error.__context__ is not None:
         error = error.__context__
     return str(error) or type(error).__name__

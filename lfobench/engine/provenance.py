@@ -1,4 +1,4 @@
-"""Where a number came from: versions, machine, revision. Kept in the record, never part of its identity."""
+"""Provenance of a number: versions, machine, revision. Kept in the record, never part of its identity."""
 
 from __future__ import annotations
 

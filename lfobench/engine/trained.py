@@ -26,7 +26,7 @@ Act = Callable[[FloatArray], FloatArray]
 """Raw observations of the simulator ``[n, obs]`` to a method's actions ``[n, act]`` in [-1, 1]."""
 
 STEPS_PER_SECOND = 20.0
-"""Of a simulator whose metadata gives no ``render_fps``."""
+"""Steps per second of a simulator whose metadata gives no ``render_fps``."""
 
 
 @dataclass(frozen=True)
@@ -123,11 +123,11 @@ def _together(environment: Environment, count: int) -> gymnasium.vector.VectorEn
 
 
 MOST_STARTS = 100
-"""In one picture; each is an episode."""
+"""Limit on the lines of one picture; each is an episode."""
 
 
 def scene_of(suite: Suite) -> Callable[[str], Scene]:
-    """What a top view of the suite's environments shows.
+    """Top view of the suite's environments.
 
     Raises:
         UserError: it has none.
@@ -152,7 +152,7 @@ def suite_of(record: Record, given: str | None) -> Suite:
 
 
 def of_seed(records: Sequence[Record], seed: int) -> list[Record]:
-    """Those of one seed.
+    """Records of one seed.
 
     Raises:
         UserError: there is none.

@@ -127,7 +127,7 @@ class Trainer:
 
     @property
     def finished(self) -> bool:
-        """Whether every stage is complete."""
+        """True if every stage is complete."""
         return self.progress.stage == len(self._stages)
 
     @property

@@ -1,1 +1,1 @@
-"""What is left of a plan, arranged for the machine and carried out; shows nothing itself."""
+"""Schedules: the rest of a plan, arranged for the machine and carried out; they print nothing."""

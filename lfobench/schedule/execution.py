@@ -37,7 +37,7 @@ WAIT_SECONDS = 1.0
 
 @dataclass
 class Tally:
-    """How the work ended.
+    """Result of the work.
 
     Attributes:
         failed: jobs that crashed.
@@ -116,7 +116,7 @@ class StopRequest:
         self._announce = announce
 
     def __call__(self) -> bool:
-        """Whether a stop was asked for."""
+        """True if a stop was asked for."""
         return self.asked
 
     @contextmanager
@@ -188,7 +188,7 @@ def execute_schedule(
         build_data(schedule.shards, schedule.builders, stop, watcher)
         folder.remove_leftovers()
         if not stop():
-            _look_at_data(schedule, rebuild, stop, watcher)
+            _check_data(schedule, rebuild, stop, watcher)
         if not stop():
             folder.set_aside(schedule.again)
             busy = _train(schedule, expected, folder, stop, watcher, tally)
@@ -216,7 +216,7 @@ def check_methods(jobs: Sequence[Job]) -> None:
             require_sound(cell.method, cell.config, Shapes(spaces.observation, len(spaces.actions.low)))
 
 
-def _look_at_data(schedule: Schedule, rebuild: Callable[[str], str], stop: StopRequest, watcher: Watcher) -> None:
+def _check_data(schedule: Schedule, rebuild: Callable[[str], str], stop: StopRequest, watcher: Watcher) -> None:
     """Refuse files that nothing can be learned from, and say what is odd about data, before anything trains on it.
 
     Data that was generated for actions in [-1, 1] is not looked at: it takes long, and finds nothing.
@@ -274,7 +274,7 @@ def _train(
             own[event.index] = replace(job, seeds=tuple(seed for seed in job.seeds if seed not in what.seeds))
         elif isinstance(what, Ended) and what.outcome == "failed":
             tally.failed += 1
-            watcher.failed(job, what, list(_kept(folder, job, what, watcher)))
+            watcher.failed(job, what, list(_failure_reports(folder, job, what, watcher)))
     return busy
 
 
@@ -291,10 +291,10 @@ def _follow(
 
     Returns what a stop leaves of them.
     """
-    told = 0
+    reported = 0
     while (waiting := _unfinished(busy, folder)) and not stop():
-        if (runs := sum(len(job.seeds) for job in waiting)) != told:
-            watcher.waiting(told := runs)
+        if (runs := sum(len(job.seeds) for job in waiting)) != reported:
+            watcher.waiting(reported := runs)
         parts = [(job, [run.seed for run in job.runs if not is_held(folder.lock(run), "--out")]) for job in waiting]
         # Looked for once more: a run that is free may have been finished a moment ago.
         released = _unfinished([replace(job, seeds=tuple(free)) for job, free in parts if free], folder)
@@ -317,7 +317,7 @@ def _follow(
 
 
 def _unfinished(jobs: Sequence[Job], folder: RecordFolder) -> list[Job]:
-    """What of the jobs has left no record."""
+    """Jobs with the seeds that have left no record."""
     parts = [(job, tuple(run.seed for run in job.runs if folder.find(run) is None)) for job in jobs]
     return [replace(job, seeds=seeds) for job, seeds in parts if seeds]
 
@@ -330,8 +330,8 @@ def _events(work: Sequence[Job], workers: int, stop: Callable[[], bool]) -> Iter
     return in_processes(work, run_job, workers, stop)
 
 
-def _kept(folder: RecordFolder, job: Job, ended: Ended, watcher: Watcher) -> Iterator[Path]:
-    """Where it is kept that a job failed, for every run of it that has left no record; warns where it cannot be."""
+def _failure_reports(folder: RecordFolder, job: Job, ended: Ended, watcher: Watcher) -> Iterator[Path]:
+    """Paths of the reports of a failed job, one per run without a record; a warning where one cannot be written."""
     for run in job.runs:
         if not folder.find(run):
             try:

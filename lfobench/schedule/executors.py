@@ -1,4 +1,4 @@
-"""What an executor reports of its jobs."""
+"""Reports of an executor on its jobs."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def _stream(device: str) -> AbstractContextManager[object]:
 
 
 LEAVING_SECONDS = 5.0
-"""For a checkpoint that is being written when nobody waits for its job any more."""
+"""Seconds for a checkpoint that is being written when nobody waits for its job any more."""
 
 
 class _Worker:
@@ -153,7 +153,7 @@ class _Worker:
         self.index: int | None = None
 
     def give(self, index: int, job: Job) -> bool:
-        """Whether the process took a job; one that died between two jobs does not."""
+        """True if the process took a job; one that died between two jobs does not."""
         try:
             self.pipe.send(job)
         except OSError:

@@ -39,7 +39,7 @@ IMPORT_SECONDS = 3.0
 
 @dataclass(frozen=True)
 class Needs:
-    """What a task still lacks of its data.
+    """Missing data of a task.
 
     Attributes:
         shards: to make, or to read from a file that is here.
@@ -151,7 +151,7 @@ def make_schedule(plan: Plan, read: RecordsRead, out: Path, cache: Path, workers
 
 @dataclass(frozen=True)
 class Forecast:
-    """How long a schedule will take on this machine.
+    """Estimated durations of a schedule on this machine.
 
     Attributes:
         job_seconds: per job, were it alone on a core or device.
