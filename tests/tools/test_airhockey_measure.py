@@ -12,16 +12,18 @@ from tools import airhockey_measure as measure
 
 
 def test_the_measured_table_has_a_line_per_demonstrator(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure, "demonstrators", lambda: {"puck-striking": demonstrators()["puck-striking"]})
-    heading, expert, suboptimal = measure.lines(20, 0)
+    known = demonstrators()["puck-striking"]
+    monkeypatch.setattr(measure, "demonstrators", lambda: {"puck-striking": known})
+    heading, *lines = measure.lines(20, 0)
     assert "success" in heading
-    assert expert.split()[:3] == ["puck-striking", "expert", "20"]
-    assert "no end" in suboptimal
+    assert [line.split()[:3] for line in lines] == [["puck-striking", level, "20"] for level in known]
+    assert "no end" in next(line for line in lines if "suboptimal" in line)
 
 
 def test_the_interval_is_wilsons(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = demonstrators()
-    monkeypatch.setattr(measure, "demonstrators", lambda: {"puck-striking": known["puck-striking"]})
+    known = demonstrators()["puck-striking"]
+    few = {level: known[level] for level in ("expert", "suboptimal", "half-successful")}
+    monkeypatch.setattr(measure, "demonstrators", lambda: {"puck-striking": few})
     for line in list(measure.lines(20, 0))[1:]:
         found = re.match(r"\S+ +\S+ +20 +(\S+) +(\S+) to (\S+) ", line)
         assert found is not None
