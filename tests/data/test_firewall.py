@@ -50,7 +50,9 @@ def view_of(name: str, preset: str, expert_trajectories: int = 2) -> tuple[type[
     config = method.Config.model_validate(method.presets[preset])  # type: ignore[index]
     offline, expert, recipe = poisoned(expert_trajectories)
     needs = method.needs(config)
-    return method, config, needs, view(method, needs, mix(offline, expert, recipe, needs, 9), CPU)
+    mixture = mix(offline, expert, recipe, needs, 9)
+    labels = torch.zeros(len(mixture.actions)) if "label" in needs.offline else None
+    return method, config, needs, view(method, needs, mixture, CPU, labels)
 
 
 def arrays_within(thing: object) -> Iterator[np.ndarray]:
