@@ -237,12 +237,16 @@ def _check_data(schedule: Schedule, rebuild: Callable[[str], str], stop: StopReq
 
 
 def remove_checkpoints_of_the_finished(schedule: Schedule, out: Path) -> None:
-    """Delete the checkpoints of runs that were killed between writing their record and deleting their checkpoint."""
+    """Delete what runs have left that were killed between writing their record and deleting checkpoint and lock."""
     folder = RecordFolder(out)
     for run in schedule.plan.runs:
         if folder.path(run).exists():
             with suppress(OSError):
                 folder.checkpoint(run).unlink()
+            if folder.lock(run).exists():
+                # Whoever leaves a lock deletes its file; one that is held is somebody's.
+                with suppress(Held, OSError), locked(folder.lock(run), "--out"):
+                    pass
 
 
 def build_data(

@@ -88,7 +88,7 @@ def test_the_same_command_does_nothing_again(compared: Path, lfobench_command: I
     assert {path: path.stat().st_mtime_ns for path in compared.rglob("*")} == before
 
 
-def test_the_checkpoint_of_a_run_that_was_killed_at_its_very_end_is_removed(
+def test_checkpoint_and_lock_of_a_run_that_was_killed_at_its_very_end_are_removed(
     compared: Path, tmp_path: Path, lfobench_command: InProcess
 ) -> None:
     shutil.copytree(compared, tmp_path / "runs")
@@ -98,9 +98,10 @@ def test_the_checkpoint_of_a_run_that_was_killed_at_its_very_end_is_removed(
     for run in (finished, other):
         folder.checkpoint(run).parent.mkdir(exist_ok=True)
         folder.checkpoint(run).write_bytes(b"left")
+        folder.lock(run).touch()
     assert lfobench_command("run", *SMOKE, "--workers", "1", "--out", folder.root).code == 0
-    assert not folder.checkpoint(finished).exists()
-    assert folder.checkpoint(other).exists(), "another command's, which may go on"
+    assert not folder.checkpoint(finished).exists() and not folder.lock(finished).exists()
+    assert folder.checkpoint(other).exists() and folder.lock(other).exists(), "another command's, which may go on"
 
 
 def test_why_says_reused(compared: Path, lfobench_command: InProcess) -> None:
